@@ -18,11 +18,12 @@ from pydantic import TypeAdapter
 from cosim import InputError, Interrupted
 from cosim.compute.stopping import undone
 from cosim.files import NOT_KEPT, storing
+from cosim.files.atomic import atomic_write
 from cosim.files.durable import sync_tree
-from cosim.files.whole import whole
 from cosim.plan.error import BrokenPromise, Finding
 from cosim.report.figures import load_ahead
 from cosim.report.png import pictures
+from cosim.run.estimate import EstimatedProgress
 from cosim.run.folder import (
     REINSTATED,
     begin_folder,
@@ -31,7 +32,6 @@ from cosim.run.folder import (
     how_to_resume,
     output_folder,
 )
-from cosim.run.foresight import Foresight
 from cosim.run.loop import discard_checkpoints, noted_interrupts
 from cosim.run.machine import NO_REPORT, Machine, Options, Outcome, Recording, Run
 from cosim.run.progress import Progress
@@ -175,7 +175,9 @@ def _record(
                     progress.note(note)
                 announced = True
             try:
-                recording = Recording(chain, folder, chain.run(Foresight(progress, folder)), resume)
+                recording = Recording(
+                    chain, folder, chain.run(EstimatedProgress(progress, folder)), resume
+                )
                 new = _shortfall(machine, recording)
             except BrokenPromise as exc:
                 new = exc.findings
@@ -185,7 +187,7 @@ def _record(
         findings += new
         for finding in new:
             progress.note(finding.message)
-        with whole(record) as part:
+        with atomic_write(record) as part:
             part.write_text(dumps([asdict(f) for f in findings]), encoding="utf-8")
         machine, resume = machine.keep([finding.effect for finding in findings]), False
 

@@ -16,7 +16,7 @@ from typing import Any, cast
 import yaml
 
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 
 CONFIG = "config.yaml"
 """Name of such a file."""
@@ -200,7 +200,7 @@ def write_config(recording: Path, size: tuple[int, int], *, whole_set: bool = Fa
         default_flow_style=None,
         allow_unicode=True,
     )
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
 
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from cosim.clock import Clock
 from cosim.errors import InputError
+from cosim.files.atomic import atomic_write
 from cosim.files.plane_order import DAT_ORDER, PlaneOrder
-from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
 Size = tuple[int, int]
@@ -131,7 +131,7 @@ def write_dat(stream: SpikeStream, path: Path, head: bool = False) -> None:
         )
     check_dat_size(width, height)
     columns = HEAD_SIZE[0] if head else width
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         for w in range(words_for(stream.cycles)):
             n = min(WORD, stream.cycles - w * WORD)
             planes = unpack_planes(stream.read_words(w, w + 1)[:, ::-1], 0, n)

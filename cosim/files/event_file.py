@@ -23,7 +23,7 @@ from cosim.archive import ArchiveWriter, ArrayReader, open_arrays
 from cosim.clock import Clock
 from cosim.compute.memory import check_memory
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.spikes.events import COLUMNS, Events, event_blocks
 from cosim.spikes.viform import SpikeStream, count_spikes
 
@@ -198,7 +198,7 @@ def write_events(source: SpikeStream | Events | EventFile, path: Path) -> None:
             "the size of an event stream", f"at most {_LARGEST}x{_LARGEST}", f"{width}x{height}",
             "use .npz or .zarr",
         )  # fmt: skip
-    with whole(path) as part, part.open("wb") as file, ArchiveWriter(file, LEVEL) as archive:
+    with atomic_write(path) as part, part.open("wb") as file, ArchiveWriter(file, LEVEL) as archive:
         archive.write("shape", np.array(events.shape, np.int64))
         archive.write("ticks", np.int64(events.ticks))
         archive.write("clock", np.array([events.clock.num, events.clock.den], np.int64))

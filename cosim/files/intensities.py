@@ -12,7 +12,7 @@ import numpy as np
 from cosim.archive import load_arrays
 from cosim.clock import Clock
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.spikes.intensities import Intensities
 
 ENDING: Final = ".intensities.npz"
@@ -20,7 +20,7 @@ ENDING: Final = ".intensities.npz"
 
 def write_intensities(reports: Intensities, path: Path) -> None:
     """Writes reports as `.npz` without loss."""
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         np.savez_compressed(
             file,
             allow_pickle=False,

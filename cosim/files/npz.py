@@ -14,8 +14,8 @@ import numpy as np
 from cosim.archive import ArchiveWriter, load_arrays
 from cosim.clock import Clock
 from cosim.errors import InputError
+from cosim.files.atomic import atomic_write
 from cosim.files.dat import DAT_CLOCK
-from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Viform, pack_planes, words_for
 
 
@@ -23,7 +23,7 @@ def write_npz(stream: SpikeStream, path: Path) -> None:
     """Writes a stream as `.npz` without loss, a word at a time."""
     n = words_for(stream.cycles)
     words = (stream.read_words(w, w + 1) for w in range(n))
-    with whole(path) as part, part.open("wb") as file, ArchiveWriter(file) as archive:
+    with atomic_write(path) as part, part.open("wb") as file, ArchiveWriter(file) as archive:
         archive.write_parts("words", np.uint32, (n, *stream.shape), words)
         archive.write("cycles", np.int64(stream.cycles))
         archive.write("clock", np.array([stream.clock.num, stream.clock.den], np.int64))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from cosim.clock import Clock
 from cosim.errors import InputError
+from cosim.files.atomic import atomic_write
 from cosim.files.raw_layout import (
     BLOCK_BYTES,
     BLOCKS,
@@ -24,7 +25,6 @@ from cosim.files.raw_layout import (
     TABLE,
     markers,
 )
-from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, SpikeStream, Words, pack_planes, unpack_planes, words_for
 
 RAW_CLOCK = Clock(40_000)
@@ -179,7 +179,7 @@ def write_raw(stream: SpikeStream, path: Path) -> None:
             "the size of a .raw stream", "1000x1000", f"{width}x{height}", "use .npz or .zarr"
         )
     marker = np.stack([_MARKERS & 0xFF, _MARKERS >> 8], axis=1).astype(np.uint8)
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         for w in range(words_for(stream.cycles)):
             n = min(WORD, stream.cycles - w * WORD)
             bits = np.zeros((n, BLOCKS, BLOCK_BYTES * 8), np.uint8)

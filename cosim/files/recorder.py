@@ -24,8 +24,8 @@ from cosim.clock import Clock
 from cosim.compute.cores import cores
 from cosim.compute.memory import free_memory
 from cosim.errors import InputError
+from cosim.files.atomic import atomic_write
 from cosim.files.durable import sync_all
-from cosim.files.whole import whole
 from cosim.files.zarr_store import CHUNK, KEPT, VERSION, ZarrStream, not_a_store
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, words_for
 from cosim.stage import Block, State
@@ -345,7 +345,7 @@ class Recorder:
 
 def write_zarr(stream: SpikeStream, path: Path) -> None:
     """Writes a stream as a complete store, without loss."""
-    with whole(path) as part:
+    with atomic_write(path) as part:
         start = getattr(stream, "start", 0)
         recorder = Recorder(part, stream.shape, stream.cycles, stream.clock, start)
         for first in range(0, words_for(stream.cycles), CHUNK):

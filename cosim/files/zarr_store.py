@@ -21,7 +21,7 @@ import numpy as np
 from cosim.clock import Clock
 from cosim.compute.memory import check_plane
 from cosim.errors import InputError, shorten
-from cosim.files.whole import identity
+from cosim.files.atomic import identity
 from cosim.files.zstd import HEAD, content_size
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 

@@ -30,7 +30,7 @@ Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Row:
+class EffectRow:
     """One effect in a plan.
 
     Attributes:
@@ -50,7 +50,7 @@ class Row:
 
 
 def left_out_rows(
-    rows: Iterable[Row], measured: Mapping[str, float | None]
+    rows: Iterable[EffectRow], measured: Mapping[str, float | None]
 ) -> list[dict[str, Any]]:
     """Rows of `result.json`, one for each effect that is left out.
 
@@ -81,7 +81,7 @@ class Plan:
     """
 
     tolerance: float
-    rows: tuple[Row, ...]
+    rows: tuple[EffectRow, ...]
     kept: dict[str, npt.NDArray[np.bool_]]
     promise: dict[str, Values]
     total: Values
@@ -99,7 +99,7 @@ class Plan:
         return tuple(name for name, tiles in self.kept.items() if not tiles.all())
 
     @property
-    def absent(self) -> list[Row]:
+    def absent(self) -> list[EffectRow]:
         """Rows of the effects that at least one tile leaves out."""
         absent = self.left_out
         return [row for row in self.rows if row.effect in absent]
@@ -313,7 +313,9 @@ def make_plan(
         at = gone if gone.any() else np.ones(tiles, bool)
         kind: Kind = "proof" if kinds[n] == "proof" and sure[at].all() else "estimate"
         largest = float(bounds[n][at].max())
-        rows.append(Row(effect.name, largest, kind, float(kept[n].mean()), float(costs[n].mean())))
+        rows.append(
+            EffectRow(effect.name, largest, kind, float(kept[n].mean()), float(costs[n].mean()))
+        )
     return Plan(
         tolerance,
         tuple(rows),

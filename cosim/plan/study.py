@@ -17,7 +17,7 @@ import numpy as np
 from cosim.light.light import Light, PlaneMap
 from cosim.plan.error import Measured
 from cosim.plan.paired import TrialCamera
-from cosim.plan.planner import Plan, Row, Values
+from cosim.plan.planner import EffectRow, Plan, Values
 from cosim.plan.tiles import PatchPlane
 from cosim.stage import Block
 
@@ -158,7 +158,7 @@ def film_blocks(
 
 
 def plan_document(
-    name: str, tolerance: float, rows: Sequence[Row], *, tier: str, device: str,
+    name: str, tolerance: float, rows: Sequence[EffectRow], *, tier: str, device: str,
     predicted: dict[str, float | None], **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The document of a plan. Bounds that are infinite are unknown.

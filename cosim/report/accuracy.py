@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.report.figures import INK, LINE, MARK, subplots
 
 _CHANCE: Final = "chance in one window of one tile's mean"
@@ -91,7 +91,7 @@ def accuracy_figure(name: str, document: dict[str, Any], path: Path) -> None:
     axes.set_ylim(bottom=bottom)
     axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.12))
     figure.tight_layout()
-    with whole(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=120, format="png")
 
 

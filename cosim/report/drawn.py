@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 
 LARGEST: Final = 48_000
 """Length of the CSV of a figure from which on points are left out, characters."""
@@ -71,7 +71,7 @@ def write_figure(figure: Any, path: Path, dpi: int = 110, **options: Any) -> Non
     """Writes a Matplotlib figure as PNG; the file appears under its name when it is complete.
     options: of `Figure.savefig`."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, dpi=dpi, format="png", pil_kwargs=_QUICK, **options)
 
 

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.report.explorer import kinds_in
 from cosim.report.glossary import explained, terms_list
 from cosim.run.called import as_called
@@ -107,7 +107,7 @@ def write_page(
 ) -> None:
     """Writes report.html into a folder, its commands as the user calls them. The other arguments
     are those of `whole_page`."""
-    with whole(folder / "report.html") as part:
+    with atomic_write(folder / "report.html") as part:
         page = whole_page(title, as_called(head), as_called(sections), scripts=scripts)
         # A name in another encoding is no text of UTF-8.
         part.write_text(page, encoding="utf-8", errors="backslashreplace")

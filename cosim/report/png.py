@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 
 Grey = npt.NDArray[np.uint8]
 Levels = npt.NDArray[np.floating[Any]]
@@ -101,7 +101,7 @@ def write_png(path: Path, image: Grey) -> None:
     if path.suffix.lower() != ".png":
         named = path.with_suffix(".png") if path.name else path / "image.png"
         raise InputError("--out", "a name ending in .png", str(path), f"try {named}")
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(encode(image))
 
 

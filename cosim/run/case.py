@@ -17,7 +17,7 @@ from cosim.compute.opencl import Device
 
 
 @dataclass(frozen=True)
-class Row:
+class CaseRow:
     """Outcome of a case.
 
     Attributes:
@@ -71,11 +71,11 @@ class Case:
         """Whether a value passes; NaN does not."""
         return value <= self.limit
 
-    def measure(self, device: Device | None, quick: bool = False) -> Row:
+    def measure(self, device: Device | None, quick: bool = False) -> CaseRow:
         """Runs the check on the production method. quick: whether to run the smaller instance."""
         begin = time.perf_counter()
         value = float(self.check(self.shipped(device), **(self.quick if quick else {})))
-        return Row(
+        return CaseRow(
             self.number, self.name, self.holds(value), value if math.isfinite(value) else None,
             self.limit, self.unit, self.what, self.reference, time.perf_counter() - begin,
         )  # fmt: skip

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cosim.errors import InputError
-from cosim.files.whole import NO_ROOM, how_to_make_room, remove_parts, whole
+from cosim.files.atomic import NO_ROOM, atomic_write, how_to_make_room, remove_parts
 from cosim.run.inputs import add_digests
 
 REINSTATED = "put_back.json"
@@ -72,7 +72,7 @@ def begin_folder(folder: Path, scenario: str) -> None:
     for kind in ("t*", "eye", "pursuit", "camera", "filmed"):
         for picture in (folder / "images").glob(f"{kind}-*.png"):
             picture.unlink()
-    with whole(folder / "scenario.toml") as part:
+    with atomic_write(folder / "scenario.toml") as part:
         part.write_text(add_digests(scenario), encoding="utf-8")
 
 

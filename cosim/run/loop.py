@@ -18,7 +18,7 @@ import numpy as np
 from cosim.archive import load_arrays
 from cosim.compute.stopping import finishing, first_signal, interrupt
 from cosim.errors import InputError, Interrupted, shorten
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.run.pipeline import Pipeline
 from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks, section
 
@@ -86,7 +86,7 @@ class Checkpoint:
             with suppress(OSError):  # there is none yet, or the disk has no second names
                 earlier(self.path).unlink(missing_ok=True)
                 os.link(self.path, earlier(self.path))
-        with whole(self.path) as part, part.open("wb") as file:
+        with atomic_write(self.path) as part, part.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
 
     def load(

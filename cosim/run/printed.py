@@ -18,7 +18,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class Row:
+class PrintedRow:
     """A number printed in a source document, with the computed one.
 
     Attributes:
@@ -84,7 +84,7 @@ def number(
     relation: Relation = "=",
     note: str = "",
     proof: bool | None = None,
-) -> Row:
+) -> PrintedRow:
     """A row of one number.
 
     Args:
@@ -111,26 +111,26 @@ def number(
         good = proof and not good
     printed_value = int(value) if value.is_integer() and abs(value) < 1e15 else value
     finite = computed if math.isfinite(computed) else None
-    return Row(source, what, printed_value, relation, finite, unit, good, note, by)
+    return PrintedRow(source, what, printed_value, relation, finite, unit, good, note, by)
 
 
 def listed(
     source: str, what: str, printed: Sequence[Any], computed: Sequence[Any], unit: str = "1",
     *, by: By, note: str = "",
-) -> Row:  # fmt: skip
+) -> PrintedRow:  # fmt: skip
     """A row of several numbers, all of which must be equal."""
     one, other = list(printed), list(computed)
-    return Row(source, what, one, "=", other, unit, one == other, note, by)
+    return PrintedRow(source, what, one, "=", other, unit, one == other, note, by)
 
 
 def unprinted(
     source: str, what: str, computed: Any, unit: str = "1", *, by: By, holds: bool, note: str
-) -> Row:
+) -> PrintedRow:
     """A row of a number that follows from the document and is not printed there, or is lost.
 
     holds: result of a second calculation, which `note` describes.
     """
-    return Row(source, what, None, "=", computed, unit, holds, note, by)
+    return PrintedRow(source, what, None, "=", computed, unit, holds, note, by)
 
 
 def turning_point(holds: Callable[[float], bool], low: float, high: float) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 
 
 def viform_version() -> str:
@@ -167,7 +167,7 @@ class Result:
 
 def write_result(folder: Path, result: Result) -> None:
     """Writes result.json. It is written last, so a folder with this file is complete."""
-    with whole(folder / "result.json") as part:
+    with atomic_write(folder / "result.json") as part:
         part.write_text(dumps(result.document()) + "\n", encoding="utf-8")
 
 

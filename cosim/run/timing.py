@@ -17,7 +17,7 @@ DARK, BRIGHT = 0.03, 0.6
 
 
 @dataclass(frozen=True)
-class Row:
+class TimingRow:
     """One benchmark.
 
     Attributes:

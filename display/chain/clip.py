@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from display.observe.slow_motion import SlowMotion
 
 RATE = 25
@@ -92,7 +92,7 @@ def write_display_clip(
     times = max(1, 200 // max(height, width))  # small pictures are enlarged without interpolation
     height, width = height * times, width * times
     labels = {name: _label(width, title) for name, title in titles.items()}
-    with whole(path) as part, av.open(str(part), "w", format="mp4") as container:
+    with atomic_write(path) as part, av.open(str(part), "w", format="mp4") as container:
         video: Any = container.add_stream("libx264", rate=RATE)
         video.pix_fmt = "yuv420p"
         video.options = {"crf": "28", "preset": "superfast", "movflags": "+faststart"}

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from cosim.compute.cores import cores
-from cosim.compute.kept import kept_value
 from cosim.compute.stopping import threads
+from cosim.compute.table_cache import cached_value
 from cosim.run.result import Metric
 from display.panels.panel import FramePanel, Projector, SpikePanel, metric_key
 from display.probes.blur import Blur, frame_blur, spike_blur
@@ -122,7 +122,7 @@ def kept_probes(
         )
 
     arguments = camera.identity, panel, references, seed, per_degree, pst_lm
-    return kept_value("probes", arguments, ("cosim", "display", "sensor"), Probes, make)
+    return cached_value("probes", arguments, ("cosim", "display", "sensor"), Probes, make)
 
 
 def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:

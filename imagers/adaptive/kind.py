@@ -11,7 +11,7 @@ from imagers.adaptive.section import AdaptiveSection
 from imagers.common.kind import ImagerKind
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
     from imagers.adaptive.model import AdaptiveModel
     from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
@@ -60,7 +60,7 @@ class AdaptiveKind(ImagerKind):
 
         return adaptive_sections(model, run)
 
-    def printed(self) -> list[Row]:
+    def printed(self) -> list[PrintedRow]:
         from imagers.adaptive.paper import adaptive_rows
 
         return adaptive_rows()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cosim import PS
-from cosim.run.printed import Row, listed, number, turning_point, unprinted
+from cosim.run.printed import PrintedRow, listed, number, turning_point, unprinted
 from imagers.adaptive.device.decision import (
     HALF_SCALE,
     MULTIPLIER_BITS,
@@ -40,12 +40,12 @@ _TABLE = (("128-255", 255, 1), ("64-127", 64, 2), ("32-63", 32, 4), ("16-31", 16
 """Table 1, of which only the text survives: (range of values, one of them, factor)."""
 
 
-def adaptive_rows() -> list[Row]:
+def adaptive_rows() -> list[PrintedRow]:
     """The rows of `viform paper`, in the order of the document."""
     return [*_light(), *_decision(), *_searches(), *_registers(), *_sequence(), *_response()]
 
 
-def _light() -> list[Row]:
+def _light() -> list[PrintedRow]:
     """Exposures at which the loop rests, and the least and most light that they measure."""
     rule, unit = from_judged(Search.HALF), shortest_exposure()
     shortest, longest = (
@@ -76,7 +76,7 @@ def _light() -> list[Row]:
     ]  # fmt: skip
 
 
-def _decision() -> list[Row]:
+def _decision() -> list[PrintedRow]:
     factors = [lengthening(value) for _, value, _ in _TABLE]
     fall = 256
     once = decide(1, 0, _SETTING.value(light_for(1) / fall, shortest_exposure())[0],
@@ -113,7 +113,7 @@ def _dim() -> int:
     return most
 
 
-def _searches() -> list[Row]:
+def _searches() -> list[PrintedRow]:
     counts = [len(search_path(search)) - 1 for search in Search]
     start = 1 << 16
     span = light_for(1 << 3) / light_for(1 << 24)
@@ -129,7 +129,7 @@ def _searches() -> list[Row]:
     ]  # fmt: skip
 
 
-def _registers() -> list[Row]:
+def _registers() -> list[PrintedRow]:
     least = next(r for r in DESIGN.specific if r.name == "adaptive_minimum")
     register = next(r for r in DESIGN.specific if r.name == "adaptive_user")
     needed = max(search_path(Search.HALF)).bit_length()
@@ -151,7 +151,7 @@ def _registers() -> list[Row]:
     ]  # fmt: skip
 
 
-def _sequence() -> list[Row]:
+def _sequence() -> list[PrintedRow]:
     """Sections 4, 4.1 and 5 on a small array at 100 frames/s."""
     timing = Timing.of(4, 4)
     frames = frames_of(timing, [2000, 40_000, 20, 150_000, 2000, 2000])
@@ -205,7 +205,7 @@ def _latest(timing: Timing) -> int:
     return most
 
 
-def _response() -> list[Row]:
+def _response() -> list[PrintedRow]:
     lux = [light_for(1 << 16) * 2 ** (n / 8) for n in range(40)]
     points = combined_response(lux)
     ends = [p.exponent for p in points]

@@ -19,7 +19,7 @@ from cosim.config.quantity import Section, Time
 from cosim.frames import Frame
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
     from imagers.common.model import ImagerModel
     from imagers.common.registers import BusTarget, ImagerBus
     from imagers.report.page import ImagerRun
@@ -194,7 +194,7 @@ class ImagerKind(ABC):
         """
         return ""
 
-    def printed(self) -> list[Row]:
+    def printed(self) -> list[PrintedRow]:
         """Each number that its document prints, with that of the simulation."""
         return []
 

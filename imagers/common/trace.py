@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TextIO
 
 from cosim import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from rtl_model.verilated import fst_library
 
 
@@ -77,7 +77,7 @@ def write_trace(
     Raises ValueError for a record that goes back in time, names no signal, or does not fit it.
     """
     ending = trace_ending(path)
-    with whole(path) as part:
+    with atomic_write(path) as part:
         sink: _Sink = _Vcd(part, signals, top) if ending == ".vcd" else _Fst(part, signals, top)
         try:
             return _pour(sink, signals, records, end)

@@ -11,7 +11,7 @@ from imagers.common.kind import ImagerKind
 from imagers.ebaps.section import EbapsSection
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
     from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
     from imagers.common.registers import BusTarget
@@ -63,7 +63,7 @@ class EbapsKind(ImagerKind):
 
         return ebaps_sections(model, run)
 
-    def printed(self) -> list[Row]:
+    def printed(self) -> list[PrintedRow]:
         from imagers.ebaps.paper import ebaps_rows
 
         return ebaps_rows()

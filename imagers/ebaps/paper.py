@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS
-from cosim.run.printed import Row, listed, number, unprinted
+from cosim.run.printed import PrintedRow, listed, number, unprinted
 from imagers.ebaps.board.adc_lines import AdcLines
 from imagers.ebaps.board.axi import region_offset
 from imagers.ebaps.board.cameralink import (
@@ -43,7 +43,7 @@ from sensor.frame_pixels import Exposed
 _NAMES = {name.lower() for name in DRIVES}
 
 
-def ebaps_rows() -> list[Row]:
+def ebaps_rows() -> list[PrintedRow]:
     """Every number in order."""
     return [*_chip(), *_link(), *_exposure(), *_loop(), *_memory(), *_board(), *_night()]
 
@@ -60,7 +60,7 @@ def _bright_frame() -> npt.NDArray[np.uint16]:
     return pixels.convert(light, 1, frozenset())
 
 
-def _chip() -> list[Row]:
+def _chip() -> list[PrintedRow]:
     timing, pixels, frame = Timing(), EbapsPixels(), _bright_frame()
     fast = Timing(clock_hz=80_000_000, rate=60)
     height, width = frame.shape
@@ -112,7 +112,7 @@ def _least_volts(pixels: EbapsPixels) -> int:
     return max(v for v in range(3) if pixels.tube.gain(float(v)) == 0.0)
 
 
-def _link() -> list[Row]:
+def _link() -> list[PrintedRow]:
     """Drive signals, and the Camera Link output."""
     timing, words = LinkTiming(), np.array([0x5A5A5A5, (1 << WORD_BITS) - 1, 0], np.uint32)
     made = serialise(words)
@@ -142,7 +142,7 @@ def _link() -> list[Row]:
     ]  # fmt: skip
 
 
-def _exposure() -> list[Row]:
+def _exposure() -> list[PrintedRow]:
     timing, rule = Timing(), ExposureRule()
     first = follow(rule, lambda *_: 24_800, 1)[0]
     bottom = follow(rule, lambda *_: 65_535, 200)[-1]
@@ -170,7 +170,7 @@ def _window(rule: ExposureRule) -> list[int]:
     return [still[0], still[-1]]
 
 
-def _loop() -> list[Row]:
+def _loop() -> list[PrintedRow]:
     """Consequences of the fixed step, which the document does not print."""
     rule = ExposureRule()
     limit = float(settling_exposure(rule)) * 1e-6
@@ -187,7 +187,7 @@ def _loop() -> list[Row]:
     ]  # fmt: skip
 
 
-def _memory() -> list[Row]:
+def _memory() -> list[PrintedRow]:
     made, frame = region_bytes(), _bright_frame()
     return [
         number("002 §3.2", "regions in memory", "5", REGIONS, by="constant"),
@@ -204,7 +204,7 @@ def _memory() -> list[Row]:
     ]  # fmt: skip
 
 
-def _board() -> list[Row]:
+def _board() -> list[PrintedRow]:
     dynamic, static = 1.185, 0.076
     return [
         number("002 §5", "power of the logic: dynamic 1.185 W and static 0.076 W", "1.261",
@@ -215,7 +215,7 @@ def _board() -> list[Row]:
     ]  # fmt: skip
 
 
-def _night() -> list[Row]:
+def _night() -> list[PrintedRow]:
     """Figure 11 by the contrast-to-noise ratio of a chart's bar and Rose's threshold of 5."""
     longest = Timing().longest_exposure * 1e-9
     night, still = EbapsPixels(volts=1500.0), EbapsPixels(volts=0.0)

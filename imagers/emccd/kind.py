@@ -11,7 +11,7 @@ from imagers.common.kind import ImagerKind
 from imagers.emccd.section import EmccdSection
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
     from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
     from imagers.common.registers import BusTarget
@@ -63,7 +63,7 @@ class EmccdKind(ImagerKind):
 
         return emccd_sections(model, run)
 
-    def printed(self) -> list[Row]:
+    def printed(self) -> list[PrintedRow]:
         from imagers.emccd.paper import emccd_rows
 
         return emccd_rows()

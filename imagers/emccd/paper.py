@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cosim.light.radiometry import photons_per_lux
-from cosim.run.printed import Row, listed, number, unprinted
+from cosim.run.printed import PrintedRow, listed, number, unprinted
 from imagers.emccd.device.controller import DESIGN
 from imagers.emccd.device.cooling import Cooler, run_cooling
 from imagers.emccd.device.potentiometer import Potentiometer, word_edges
@@ -38,12 +38,12 @@ _CITED_MS = 5.165
 """Shortest exposure of the design that the document cites for comparison, ms."""
 
 
-def emccd_rows() -> list[Row]:
+def emccd_rows() -> list[PrintedRow]:
     """The rows of `viform paper`, in the order of the document."""
     return [*_exposure(), *_chip(), *_gain(), *_rows(), *_overflow(), *_frame(), *_cold()]
 
 
-def _exposure() -> list[Row]:
+def _exposure() -> list[PrintedRow]:
     timing = Timing()
     _, most, step = exposure_range(timing)
     register = next(r for r in DESIGN.specific if r.name == "emccd_exposure")
@@ -71,7 +71,7 @@ def _exposed(timing: Timing, steps: int) -> float:
     return (cycle.exposure_end - cycle.exposure_begin) / timing.clock_hz
 
 
-def _chip() -> list[Row]:
+def _chip() -> list[PrintedRow]:
     timing, pixels = Timing(), EmccdPixels()
     dark = np.asarray(pixels.convert(
         Exposed(np.full(pixels.shape, 0.01), np.full(pixels.shape[0], 1e-2),
@@ -117,7 +117,7 @@ def _chip() -> list[Row]:
     ]  # fmt: skip
 
 
-def _gain() -> list[Row]:
+def _gain() -> list[PrintedRow]:
     """The gain, from the word on the wires of the potentiometer over the simulated loop."""
     voltage, drive = HighVoltage(), SineDrive()
     wipers = [_wiper(code) for code in range(1 << 8)]
@@ -158,7 +158,7 @@ def _wiper(code: int) -> int:
     return potentiometer.wiper
 
 
-def _loop(drive: SineDrive, last: int) -> list[Row]:
+def _loop(drive: SineDrive, last: int) -> list[PrintedRow]:
     """The closed loop of the high voltage: how fast, and how far from a drift."""
     settings, (low, top) = drive.settings, TEXT_PEAK
     within = 0.01 / drive.voltage.slope(top)
@@ -181,7 +181,7 @@ def _loop(drive: SineDrive, last: int) -> list[Row]:
     ]  # fmt: skip
 
 
-def _supplies() -> list[Row]:
+def _supplies() -> list[PrintedRow]:
     supplies = Supplies()
     course = supplies.run(off=supplies.switch_time + 1e-3)
     good = course.good or math.inf
@@ -195,7 +195,7 @@ def _supplies() -> list[Row]:
     ]  # fmt: skip
 
 
-def _rows() -> list[Row]:
+def _rows() -> list[PrintedRow]:
     """The window, and the row that the document omits."""
     timing = Timing()
     rows = []
@@ -255,7 +255,7 @@ def _shifts(settings: Settings) -> tuple[int, int]:
     return moved, left
 
 
-def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Row]:
+def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[PrintedRow]:
     """Figure 4c: the right half of the image is lit so that its excess fills the head of the next
     line."""
     electrons = electrons_to_fill(columns, lit, gain)
@@ -271,7 +271,7 @@ def _overflow(columns: int = 42, gain: float = 200.0, lit: int = 256) -> list[Ro
     ]  # fmt: skip
 
 
-def _frame() -> list[Row]:
+def _frame() -> list[PrintedRow]:
     """The frame time and Table 2; the formula and the table are lost."""
     timing = Timing()
     small, settings = _small(), Settings(1, 100, 128)
@@ -303,7 +303,7 @@ def _clocks(timing: Timing, rows: int) -> int:
     return cycle.end - cycle.start
 
 
-def _cold() -> list[Row]:
+def _cold() -> list[PrintedRow]:
     run = run_cooling(Cooler(lambda _: 298.15), 900.0)
     last = float(run.chip[-1]) - chip.ZERO_CELSIUS
     return [number("003 §1", "temperature that the cooling loop holds", "-10", last, "degC",

@@ -11,7 +11,7 @@ from imagers.common.kind import ImagerKind
 from imagers.hardware_chain.section import HardwareChainSection
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
     from imagers.common.kind import Comparison
     from imagers.common.model import ImagerModel
     from imagers.hardware_chain.model import HardwareChainModel
@@ -43,7 +43,7 @@ class HardwareChainKind(ImagerKind):
 
         return chain_sections(model, run)
 
-    def printed(self) -> list[Row]:
+    def printed(self) -> list[PrintedRow]:
         from imagers.hardware_chain.paper import dynamic_range_rows
 
         return dynamic_range_rows()

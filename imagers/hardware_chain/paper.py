@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import PS
-from cosim.run.printed import Row, number, unprinted
+from cosim.run.printed import PrintedRow, number, unprinted
 from imagers.common.model import FrameFigures, measure_frame
 from imagers.common.scenery import Still
 from imagers.hardware_chain.model import HardwareChainModel
@@ -41,7 +41,7 @@ _PEDESTAL: Final = 0.2
 """dB that the converter's scale below darkness may take of a range that the converter limits."""
 
 
-def dynamic_range_rows() -> list[Row]:
+def dynamic_range_rows() -> list[PrintedRow]:
     """The rows of all numbers, in order."""
     return [*_example(), *_laws(), *_wells(), *_ripple(), *_converter(), *_formula()]
 
@@ -74,7 +74,7 @@ def _measured(model: HardwareChainModel, frames: int = 1) -> tuple[float, float,
     return noise, full, decibels(full / noise)
 
 
-def _example() -> list[Row]:
+def _example() -> list[PrintedRow]:
     part = KODAK
     noise, full, measured = _measured(_model(_SIDE), _FRAMES)
     db, at_28 = (
@@ -124,7 +124,7 @@ def _power(part: str, warm: bool) -> float:
     return math.log(spreads[1] / spreads[0]) / math.log(ratio)
 
 
-def _laws() -> list[Row]:
+def _laws() -> list[PrintedRow]:
     where = "of the spread of frames without light"
     return [
         number("004 §1", "power of the temperature by which reset noise grows", "0.500",
@@ -138,7 +138,7 @@ def _laws() -> list[Row]:
     ]  # fmt: skip
 
 
-def _wells() -> list[Row]:
+def _wells() -> list[PrintedRow]:
     full = float(DALSA.response(1e6)) * 1e3
     levels = [n / 1000 for n in range(1, 5000)]
     linear = max(x for x in levels if float(DALSA.response(x)) == x) * 1e3
@@ -151,7 +151,7 @@ def _wells() -> list[Row]:
     ]  # fmt: skip
 
 
-def _ripple() -> list[Row]:
+def _ripple() -> list[PrintedRow]:
     """Stripes of a ripple near the pixel clock."""
     model = _model(256, ripple="1 mV", ripple_frequency="27.54 MHz", blanking=16)
     imager = model.make()
@@ -177,7 +177,7 @@ def _ripple() -> list[Row]:
     ]  # fmt: skip
 
 
-def _converter() -> list[Row]:
+def _converter() -> list[PrintedRow]:
     """The document's chain without circuit and converter noise equals the sensor."""
     s = KODAK.sensitivity
     noise = KODAK.noise.at(KODAK.noise.celsius, _HERTZ)
@@ -189,7 +189,7 @@ def _converter() -> list[Row]:
     ]  # fmt: skip
 
 
-def _formula(m: float = 2.0, n: float = 2.0) -> list[Row]:
+def _formula(m: float = 2.0, n: float = 2.0) -> list[PrintedRow]:
     """The errors of the formula: it counts gains twice, and adds noises as if they were fully
     correlated. `printed` is the value by the printed formula, `computed` that of frames."""
     s = KODAK.sensitivity

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
-from cosim.compute.kept import kept_value
 from cosim.compute.stopping import threads
+from cosim.compute.table_cache import cached_value
 from cosim.plan.error import CONFIDENCE
 from cosim.spikes.viform import count_spikes
 from link.air import image_of
@@ -76,7 +76,7 @@ def closed_form(setup: FileLinkSetup, link: PlannedLink) -> CellErrors | None:
         return None
     rows, symbols = link.make_air().row_delay, setup.sent.symbols
     of = chain_errors if mode.ticks == 1 else cell_errors
-    return kept_value(
+    return cached_value(
         "cells", (setting, mode, rows, symbols), SOURCES, CellErrors,
         lambda: of(cell_sight(setting, true_timing(setting, rows, mode.ticks), symbols), mode),
     )  # fmt: skip

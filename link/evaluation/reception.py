@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from cosim import BLOCK, PS, SpikeStream, Viform
 from cosim.compute.opencl import Device
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.run.progress import Progress
 from cosim.run.result import dumps
 from cosim.spikes.viform import WORD, words_for
@@ -93,9 +93,9 @@ def write_delivery(
         old.unlink()
     if delivered:
         (folder / RECEIVED).mkdir(exist_ok=True)
-        with whole(place) as part:
+        with atomic_write(place) as part:
             part.write_bytes(payload.data)
         names.append(f"{RECEIVED}/{payload.name}")
-    with whole(folder / VERDICT) as part:
+    with atomic_write(folder / VERDICT) as part:
         part.write_text(dumps(verdict) + "\n", encoding="utf-8")
     return names

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from cosim import InputError
-from cosim.compute.kept import kept_value
+from cosim.compute.table_cache import cached_value
 from cosim.run.progress import Progress
 from link.mode import Mode
 from link.setting import LinkSetting, link_setting
@@ -76,7 +76,7 @@ def rates_over_distance(setup: FileLinkSetup, progress: Progress) -> list[RateAt
         return []
     device = None if setup.device is None else setup.device.name
     size, link = len(setup.payload.data), repr(setup.scenario.link)
-    return kept_value(
+    return cached_value(
         "distances", (link, setup.setting, setup.choice, setup.lock is None, size, device),
         SOURCES, list[RateAt], lambda: _rates(setup, progress),
     )  # fmt: skip

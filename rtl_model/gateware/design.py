@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cosim import InputError
-from cosim.files.whole import refusal
+from cosim.files.atomic import refusal
 from rtl_model.gateware.ethernet import Ethernet, Network, core_config
 from rtl_model.gateware.recipe import readme, recipe
 from rtl_model.gateware.targets import Target

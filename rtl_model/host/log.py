@@ -22,7 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
-from cosim.files.whole import refusal
+from cosim.files.atomic import refusal
 
 FORMAT = "viform-line-1"
 

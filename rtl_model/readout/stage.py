@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
+from cosim.files.atomic import atomic_write
 from cosim.files.durable import put, sync, sync_all
 from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
-from cosim.files.whole import whole
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State, section
 from rtl_model.readout.buffer import ROW_BYTES, Kept, RowBuffer
@@ -191,7 +191,7 @@ class ScanStage:
     def _finish(self) -> None:
         if self._file is not None:
             self._file.finish()
-        with whole(self._folder / LOST) as part, part.open("wb") as file:
+        with atomic_write(self._folder / LOST) as part, part.open("wb") as file:
             np.savez_compressed(file, lost=self.lost, fill=self.fill)
 
     def state(self) -> State:

@@ -27,7 +27,7 @@ from typing import Literal, Protocol
 from cosim import InputError, ViformError
 from cosim.compute.cache_folder import cache_folder
 from cosim.errors import MissingPackages
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from rtl_model.geometry import Geometry
 
 _SHARED = Path(__file__).parent.resolve()  # headers of several rooms' shims
@@ -333,7 +333,7 @@ def _write_log(command: Sequence[str], words: str) -> Path | None:
     """Writes the output of a tool into the cache, replacing the previous one."""
     path = _cache() / f"failed-{command[0]}.log"
     try:
-        with whole(path) as part:
+        with atomic_write(path) as part:
             part.write_text(f"$ {' '.join(command)}\n{words}", encoding="utf-8")
     except (OSError, ViformError):
         return None

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from rtl_model.cycle.array import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import library
@@ -108,7 +108,7 @@ def write_view(
         f"[timestart] {times[0]}", "*-18 " + " ".join(str(time) for time in times),
         _HEXADECIMAL, *signals,
     ]  # fmt: skip
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 

@@ -91,7 +91,7 @@ def main() -> None:
 def _of_the_machine(error: Exception) -> str | None:
     """The line for an error that is the machine's, not the program's: a full disk, or no memory.
     Most writers of files raise InputError, and runs state what they need; this is for the rest."""
-    from cosim.files.whole import NO_ROOM, how_to_make_room
+    from cosim.files.atomic import NO_ROOM, how_to_make_room
 
     if isinstance(error, OSError) and error.errno in NO_ROOM:
         return (

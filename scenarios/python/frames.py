@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.errors import quote
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 
 
 def rate_of(frame_rate: Any) -> float:
@@ -145,7 +145,7 @@ def write_frames(frames: Any, path: Path) -> int:
         InputError: no frame, or one of another kind; then no file is written.
     """
     count, header = 0, 0
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         for values in _checked(frames):
             if count == 0:
                 header = _write_header(file, values, 2**62)  # as long as that of any number

@@ -45,7 +45,7 @@ DRAWN = 8
 
 
 @dataclass(frozen=True)
-class Row:
+class ContinuousRow:
     """The figures of one sensor for one scene.
 
     Attributes:
@@ -105,7 +105,7 @@ def compare(
     shape: tuple[int, int] = (100, 100),
     scenes: tuple[str, ...] = ("step", "wave"),
     device: Device | None = None,
-) -> list[Row]:
+) -> list[ContinuousRow]:
     """Compares both sensors on each scene: spikes, reconstructed by TFP and TFI, and continuous
     photographing with its defaults and with one key changed at a time.
 
@@ -137,7 +137,7 @@ def compare(
             ("spikes, TFI", lambda n, s=stream: tfi(s, n)),
         ):
             quality = _fidelity(source, lambda n, i=image: to_white(i(n), WHITE_RATE))
-            rows.append(Row(name, method, spikes, CLOCK.hz, quality))
+            rows.append(ContinuousRow(name, method, spikes, CLOCK.hz, quality))
         for title, section in sections.items():
             setting = continuous_setting(section, camera)
             reports = join_intensities(_run(ContinuousCamera(setting), source))
@@ -145,7 +145,7 @@ def compare(
             quality = _fidelity(
                 source, lambda n, r=reports: np.clip(intensity_image(r, n) / white, 0, 1)
             )
-            rows.append(Row(name, title, rate, rate * setting.report_bits, quality))
+            rows.append(ContinuousRow(name, title, rate, rate * setting.report_bits, quality))
     return rows
 
 
@@ -212,7 +212,7 @@ def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:
     return all_reports
 
 
-def markdown(rows: list[Row]) -> str:
+def markdown(rows: list[ContinuousRow]) -> str:
     """The rows as a Markdown table."""
     lines = [
         "| scene | sensor | reports/s per pixel | bits/s per pixel | PSNR, dB |",

@@ -28,7 +28,7 @@ SIZES: Final = (
 
 
 @dataclass(frozen=True)
-class Row:
+class EventsRow:
     """A path at one rate; see `Carried`."""
 
     pixels: str
@@ -60,13 +60,13 @@ def _tick(size: EventSize) -> int:
 
 
 def bench_events() -> dict[str, Any]:
-    """The document: {clock_hz, latch_hz, rows [`Row`], limits [`Limit`]}."""
+    """The document: {clock_hz, latch_hz, rows [`EventsRow`], limits [`Limit`]}."""
     rows, limits = [], []
     for size in SIZES:
         name, tick = f"{size.rows} x {size.columns}", _tick(size)
         for rate in RATES:
             got = measure(size, rate, tick)
-            rows.append(asdict(Row(name, got.rate, got.sent, got.bits, got.lost)))
+            rows.append(asdict(EventsRow(name, got.rate, got.sent, got.bits, got.lost)))
         limits.append(asdict(Limit(name, size.depth, tick, most_rate(size, tick))))
     return {"clock_hz": CLOCK_HZ, "latch_hz": LATCH_HZ, "rows": rows, "limits": limits}
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import BLOCK, InputError
-from cosim.files.whole import identity
+from cosim.files.atomic import identity
 from cosim.files.zarr_store import ZarrStream, form_of
 from cosim.light.source import Source, truth_at
 from cosim.run.chain import STREAM

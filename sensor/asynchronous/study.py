@@ -21,7 +21,7 @@ import numpy.typing as npt
 from cosim import PS, InputError
 from cosim.light.steps import light_steps
 from cosim.plan.error import Measured
-from cosim.plan.planner import Row
+from cosim.plan.planner import EffectRow
 from cosim.plan.study import REFERENCE, Step, ladder_document, plan_document
 from cosim.run.progress import Progress
 from cosim.run.timing import least
@@ -117,7 +117,7 @@ def forecast_events(start: EventStart) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def plan_rows(start: EventStart, plan: EventPlan) -> list[Row]:
+def plan_rows(start: EventStart, plan: EventPlan) -> list[EffectRow]:
     """Rows of a plan, and one for the shared channel, which delays events and loses those that find
     their place taken; costs are per pixel and cycle of sensor.clock, as they are measured."""
     costs = _costs(start, plan)
@@ -128,8 +128,8 @@ def plan_rows(start: EventStart, plan: EventPlan) -> list[Row]:
     # A pixel's own place is free for its first report, and its time stamp is not late.
     harmless = channel.buffer == "pixel" and sensor.channel.timestamp == "pixel"
     if harmless and start.spec.model.change > 0:
-        return [*rows, Row("shared channel", 0.0, "proof", 1.0)]
-    return [*rows, Row("shared channel", np.inf, "estimate", 1.0)]
+        return [*rows, EffectRow("shared channel", 0.0, "proof", 1.0)]
+    return [*rows, EffectRow("shared channel", np.inf, "estimate", 1.0)]
 
 
 def _costs(start: EventStart, plan: EventPlan) -> dict[str, float]:

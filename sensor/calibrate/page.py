@@ -15,7 +15,7 @@ import tomli_w
 
 from cosim.config.amounts import count, elapsed, number, percent
 from cosim.config.quantity import Quantity
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.page import write_page
@@ -232,7 +232,7 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
     files = []
     preset = preset_text(result)
     if preset is not None:
-        with whole(folder / "camera.toml") as part:
+        with atomic_write(folder / "camera.toml") as part:
             part.write_text(preset, encoding="utf-8")
         files.append("camera.toml")
     data = None
@@ -248,7 +248,7 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
     write_page(folder, _TITLE, head, _sections(result, folder, preset, data))
     document = {"version": viform_version(), **result.document(),
                 "files": [*files, "report.html", "result.json"]}  # fmt: skip
-    with whole(folder / "result.json") as part:
+    with atomic_write(folder / "result.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
     return document
 

@@ -27,7 +27,7 @@ from cosim import Clock, InputError, SpikeStream, Viform
 from cosim.compute.memory import check_memory
 from cosim.config.units import KINDS, parse_quantity
 from cosim.files import FORMATS, ending_of, open_stream
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from sensor.codec.coding import BAND, CHUNK, CODES, LONGEST, Code, decode, encode, frame_count
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS as KINDS_OF_CODES
@@ -66,7 +66,7 @@ def write_fsc(stream: SpikeStream, path: Path, code: Code) -> int:
         raise InputError(
             f"{path}", "of a size and clock below 2^32 and 2^64", str(exc), "write a .zarr instead"
         ) from exc
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         file.write(head + _CRC.pack(zlib.crc32(head)))
         for number, frame in enumerate(encode(stream, code)):
             file.write(_FRAME.pack(len(frame.data), _crc(number, frame.data)))

@@ -23,7 +23,7 @@ import numpy as np
 
 from cosim import Clock, InputError, SpikeStream
 from cosim.compute.memory import check_memory
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
@@ -54,7 +54,7 @@ def write_vfl(stream: SpikeStream, path: Path, code: StreamCode) -> int:
             f"{path}", "of a size and clock below 2^32 and 2^64", str(exc), "write a .zarr instead"
         ) from exc
     encoder, step = StreamEncoder(code, stream.shape), code.cycles // WORD
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         file.write(head + _NUMBER.pack(fastcrc.crc32.iscsi(head)))
         for first in range(0, words_for(stream.cycles), step):
             words = stream.read_words(first, min(first + step, words_for(stream.cycles)))

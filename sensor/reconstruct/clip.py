@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim import InputError, SpikeStream
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.report.png import for_display
 from cosim.run.progress import Progress
 from sensor.reconstruct.playback import tfp
@@ -68,7 +68,10 @@ def write_clip(
     if progress is not None:
         progress.start(path.name, len(instants))
     try:
-        with whole(path) as part, av.open(str(part), "w", format=_container(path)) as container:
+        with (
+            atomic_write(path) as part,
+            av.open(str(part), "w", format=_container(path)) as container,
+        ):
             speed = Fraction(repr(float(rate))).limit_denominator(1001)
             video: Any = container.add_stream(codec, rate=speed)
             video.width, video.height = width, height

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from cosim.archive import load_arrays
 from cosim.errors import InputError
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.spikes.viform import SpikeStream, count_spikes
 from sensor.reconstruct.intervals import least_width
 
@@ -107,7 +107,7 @@ def quantised(electrons: npt.NDArray[Any], threshold: float, levels: int) -> npt
 
 def write_readings(readings: Readings, path: Path) -> None:
     """Writes readings as `.npz`: arrays `cycle`, `level` and `levels`."""
-    with whole(path) as part, part.open("wb") as file:
+    with atomic_write(path) as part, part.open("wb") as file:
         np.savez_compressed(
             file, cycle=readings.cycle, level=readings.level, levels=np.int64(readings.levels)
         )

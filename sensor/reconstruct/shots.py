@@ -13,7 +13,7 @@ import numpy.typing as npt
 from cosim import Clock, Plane, SpikeStream
 from cosim.archive import save_array
 from cosim.compute.stopping import threads
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.light.demosaic import delta_e, in_colour
 from cosim.light.mosaic import Mosaic
 from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
@@ -146,7 +146,7 @@ def write_images(folder: Path, shots: Sequence[Imaged], methods: Sequence[str]) 
         list(pool.map(write_linear_png, (folder / name for name in pictures), pictures.values()))
     floats = {f"images/truth-{shot.cycle:05d}.npy": shot.truth for shot in shots}
     for name, truth in floats.items():
-        with whole(folder / name) as part, part.open("wb") as file:
+        with atomic_write(folder / name) as part, part.open("wb") as file:
             save_array(file, np.asarray(truth, np.float32))
     return [*pictures, *floats]
 

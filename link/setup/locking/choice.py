@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from cosim.compute.kept import kept_value
 from cosim.compute.opencl import Device
+from cosim.compute.table_cache import cached_value
 from cosim.run.progress import Progress
 from link.mode import Mode, Modem
 from link.setting import LinkSetting
@@ -78,7 +78,7 @@ def choose_and_lock(
 
         with spent.on("pilots"):
             mode, choice = (
-                kept_value("pilots", arguments, SOURCES, tuple[Mode, Choice | None], choose)
+                cached_value("pilots", arguments, SOURCES, tuple[Mode, Choice | None], choose)
                 if keeps
                 else choose()
             )

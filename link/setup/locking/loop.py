@@ -27,8 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
-from cosim.compute.kept import kept_value
 from cosim.compute.opencl import Device
+from cosim.compute.table_cache import cached_value
 from cosim.run.progress import Progress
 from cosim.spikes.viform import WORD
 from link.layout import TRAINING
@@ -251,7 +251,7 @@ class Locking:
         beyond those of the loop."""
         *link, device = self._made
         arguments = what, *link, None if device is None else device.name, *more
-        return kept_value("lock", arguments, SOURCES, tuple[_Measured, ...], measure)
+        return cached_value("lock", arguments, SOURCES, tuple[_Measured, ...], measure)
 
     def _experienced(self) -> Locking:
         """The loop after an acquisition that it has measured itself."""

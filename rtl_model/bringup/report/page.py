@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.config.amounts import UNKNOWN, amount, count, elapsed, number
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.page import write_page
@@ -157,7 +157,7 @@ def junit_xml(report: Report) -> str:
 
 def write_junit(report: Report, path: Path) -> None:
     """Writes the document atomically."""
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_text(junit_xml(report), encoding="utf-8")
 
 

@@ -86,7 +86,7 @@ def board_virtual(
 ) -> None:
     """Start a simulated board, or an imager's registers, behind a pty or over UDP until Ctrl-C."""
     from cosim import InputError
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from cosim.run.loop import end_requests
     from rtl_model.geometry import Geometry
     from rtl_model.host.ether import is_udp
@@ -136,7 +136,7 @@ def board_virtual(
         SilentProgress().note("preparing the Verilog, which is compiled once for each geometry")
     with suppress(KeyboardInterrupt), simulated as board:
         if csr is not None:
-            with whole(csr) as part:
+            with atomic_write(csr) as part:
                 part.write_text(text or csr_csv(geometry), encoding="utf-8")
         if json:
             print_document(_document(board, geometry, csr))

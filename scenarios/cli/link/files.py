@@ -312,7 +312,7 @@ def _goodput(r: Received, size: int, clock: Clock) -> float | None:
 
 def _write(out: Path, received: Received, document: str) -> None:
     from cosim import InputError
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
 
     place = out / "received"
     try:
@@ -323,9 +323,9 @@ def _write(out: Path, received: Received, document: str) -> None:
         ) from exc
     if received.whole and received.delivered is not None:
         data, name = received.delivered
-        with whole(place / name) as part:
+        with atomic_write(place / name) as part:
             part.write_bytes(data)
-    with whole(out / "receive.json") as part:
+    with atomic_write(out / "receive.json") as part:
         part.write_text(document + "\n", encoding="utf-8")
 
 

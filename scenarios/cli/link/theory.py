@@ -65,11 +65,11 @@ def link_ber(
 
 def _write_curves(document: dict[str, Any], out: Path) -> None:
     """The folder, whole or not at all."""
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from cosim.run.result import dumps
     from link.report.curves import draw_curves
 
-    with whole(out) as part:
+    with atomic_write(out) as part:
         part.mkdir()
         for kind in ("png", "svg"):
             draw_curves(document, part / f"ber.{kind}")
@@ -201,11 +201,11 @@ def link_capacity(
 
 def _write_capacity(document: dict[str, Any], out: Path) -> None:
     """The folder, whole or not at all."""
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from cosim.run.result import dumps
     from link.report.curves import draw_capacity
 
-    with whole(out) as part:
+    with atomic_write(out) as part:
         part.mkdir()
         for kind in ("png", "svg"):
             draw_capacity(document["curves"], part / f"capacity.{kind}")

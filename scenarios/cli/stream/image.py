@@ -54,7 +54,7 @@ def image(
     from cosim import InputError
     from cosim.archive import save_array
     from cosim.files import notes_of
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from cosim.report.png import to_linear_bytes, write_png
     from scenarios.assemble.source.latched.dim import dim_of_run
     from sensor import isi, tau_levels
@@ -107,7 +107,7 @@ def image(
         )  # fmt: skip
         grey = to_linear_bytes(values, scale)
     if out.suffix.lower() == ".npy":
-        with whole(out) as part, part.open("wb") as file:
+        with atomic_write(out) as part, part.open("wb") as file:
             save_array(file, values)
     else:
         write_png(out, grey)

@@ -48,12 +48,12 @@ STUDIES = {"code": _code, "continuous": _continuous, "events": _events}
 
 
 def _print_study(name: str, device: str | None, figure: Path | None, json: bool) -> None:
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
 
     check_figure(figure)
     document, tables, draw = STUDIES[name](device)
     if figure is not None:
-        with whole(figure) as part:
+        with atomic_write(figure) as part:
             draw(part)
     if json:
         print_document(document)

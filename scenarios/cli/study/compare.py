@@ -173,7 +173,7 @@ def compare_tracking(
     The same algorithms work on spikes and on frames of ideal cameras in the same light. Endpoint
     error, track loss and latency are those against the closed form of the scene.
     """
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from scenarios.studies.tracking import (
         Conditions,
         run_tracking,
@@ -193,7 +193,7 @@ def compare_tracking(
     finally:
         progress.close()
     if figure is not None:
-        with whole(figure) as part:
+        with atomic_write(figure) as part:
             tracking_figure(part, rows)
     if json:
         print_document(tracking_document(conditions, rows))

@@ -33,7 +33,7 @@ def design_dynamic_range(
 
     Exit 1 if no choice is within the limits of the budget.
     """
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from scenarios.studies.design import budget_document, load_budget, to_budget
 
     check_figure(out, ".png", ".svg", option="--out")
@@ -42,7 +42,7 @@ def design_dynamic_range(
     if out is not None:
         from scenarios.studies.design.figure import draw_budget
 
-        with whole(out) as part:
+        with atomic_write(out) as part:
             draw_budget(document, part, out.suffix[1:].lower())
     if json:
         print_document(document)

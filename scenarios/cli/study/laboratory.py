@@ -68,14 +68,14 @@ def _cameras() -> dict[str, Camera]:
 
 def _emva(chosen: Camera, seed: int, figure: Path | None) -> dict[str, Any]:
     """Measures a modelled camera; draws the figure."""
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from sensor.laboratory.emva import measure_camera
 
     report = measure_camera(chosen.bench(seed))
     if figure is not None:
         from sensor.laboratory.figure import photon_transfer_figure
 
-        with whole(figure) as part:
+        with atomic_write(figure) as part:
             photon_transfer_figure(report, chosen.title, part, figure.suffix[1:].lower())
     return {
         "camera": chosen.name,
@@ -93,7 +93,7 @@ def _emva(chosen: Camera, seed: int, figure: Path | None) -> dict[str, Any]:
 def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
     """Measures the laws of a recording; draws the figure."""
     from cosim.files import notes_of
-    from cosim.files.whole import whole
+    from cosim.files.atomic import atomic_write
     from sensor.codec.files import open_any
     from sensor.laboratory.laws import measure_laws
 
@@ -104,7 +104,7 @@ def _laws(path: Path, size: str | None, figure: Path | None) -> dict[str, Any]:
     if figure is not None:
         from sensor.laboratory.figure import laws_figure
 
-        with whole(figure) as part:
+        with atomic_write(figure) as part:
             laws_figure(laws, str(path), part, figure.suffix[1:].lower())
     return {
         "recording": str(path), **laws.document(), "notes": [*notes, *notes_of(stream)],

@@ -14,7 +14,7 @@ from scenarios.cli.options import Device
 from scenarios.cli.output import Json, print_document, tell
 
 if TYPE_CHECKING:
-    from cosim.run.printed import Row
+    from cosim.run.printed import PrintedRow
 
 
 _WORDS = {"=": "", "<": "below", "<=": "at most", ">": "above", ">=": "at least"}
@@ -52,7 +52,7 @@ def paper(
         raise typer.Exit(1)
 
 
-def _sources(rows: list[Row]) -> str:
+def _sources(rows: list[PrintedRow]) -> str:
     """How many rows each kind of computation gives."""
     return ", ".join(f"{count} by {by}" for by, count in Counter(r.by for r in rows).most_common())
 
@@ -65,7 +65,7 @@ def _text(value: Any) -> str:
     return number(value, 6) if isinstance(value, float | int) else str(value)
 
 
-def _table(title: str, rows: list[Row]) -> str:
+def _table(title: str, rows: list[PrintedRow]) -> str:
     """The rows of one document as text: place, quantity, printed value, computed value, what
     computed it, and the reason for a difference."""
     cells = [

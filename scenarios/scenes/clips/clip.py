@@ -16,8 +16,8 @@ from cosim import Plane
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.coded import Coded, float_values, is_of_floats
 from scenarios.scenes.clips.decoder import Decoder
+from scenarios.scenes.clips.file_cache import Fitted, cached_file
 from scenarios.scenes.clips.fitted import Fit, Pose, deinterlaced, pose_of
-from scenarios.scenes.clips.kept import Fitted, kept_file
 from scenarios.scenes.clips.timeline import Timeline
 
 _OF_OTHERS = (2, 3)
@@ -46,7 +46,7 @@ class Clip:
         self._fit = Fit(path, shape, mosaic, mixed, self.notes)
         self._coded = Coded(path.name, mosaic is not None, self._fit)
         filters = None if mosaic is None else (mosaic.name, mosaic.response.tobytes(), mixed)
-        self._kept, self._grid = kept_file(path), (shape, filters)
+        self._kept, self._grid = cached_file(path), (shape, filters)
         self._planes: dict[int, Plane] = {}
         self._poses: dict[int, Pose] = {}
         with self._kept.lock:

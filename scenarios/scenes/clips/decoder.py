@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from cosim import InputError
+from scenarios.scenes.clips.file_cache import CachedFile, Opened
 from scenarios.scenes.clips.fitted import DECODING, MOST_PIXELS, Fit
-from scenarios.scenes.clips.kept import KeptFile, Opened
 from scenarios.scenes.clips.timeline import Timeline
 
 _FAR: Final = 8
@@ -81,7 +81,7 @@ class Decoder:
         last: number of the frame given last; of the last one if the clip has ended.
     """
 
-    def __init__(self, path: Path, kept: KeptFile, fit: Fit) -> None:
+    def __init__(self, path: Path, kept: CachedFile, fit: Fit) -> None:
         self._path, self._kept, self._fit = path, kept, fit
         self._container: Any = None
         self._iterator: Iterator[Any] | None = None

@@ -11,7 +11,7 @@ from typing import Any
 
 from cosim import InputError
 from cosim.compute.pocl_files import keep_sums
-from cosim.files.whole import NO_ROOM, whole
+from cosim.files.atomic import NO_ROOM, atomic_write
 from cosim.run.folder import room_for
 from cosim.run.result import dumps
 from cosim.run.workers import workers_for
@@ -54,7 +54,7 @@ def begin_batch(what: str, folder: Path, stated: dict[str, Any], inner: str, res
 
 def write_document(path: Path, document: dict[str, Any]) -> None:
     """Writes a document as JSON; it appears whole or not at all."""
-    with whole(path) as part:
+    with atomic_write(path) as part:
         part.write_text(dumps(document), encoding="utf-8")
 
 

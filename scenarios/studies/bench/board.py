@@ -20,7 +20,7 @@ import numpy as np
 from cosim.compute.child import python_child
 from cosim.compute.opencl import Device
 from cosim.files.raw_layout import FRAME_BYTES, RAW_SIZE
-from cosim.run.timing import Row, least_of
+from cosim.run.timing import TimingRow, least_of
 from cosim.spikes.viform import WORD
 from rtl_model.bringup.stages.ethernet import measured_rates
 from rtl_model.geometry import Geometry
@@ -35,7 +35,7 @@ _PLAIN_CYCLES: Final = 8
 _TURNS: Final = 5
 
 
-def readout_row(device: Device, ceiling: float | None) -> Row:
+def readout_row(device: Device, ceiling: float | None) -> TimingRow:
     """The row `sensor.readout`. The plain implementation unpacks and packs the bits in numpy.
 
     Args:
@@ -54,7 +54,9 @@ def readout_row(device: Device, ceiling: float | None) -> Row:
     value = cycles * FRAME_BYTES * 8 / spent
     share = cycles * RAW_SIZE[0] * RAW_SIZE[1] / spent / ceiling if ceiling else None
     plain = _PLAIN_CYCLES * FRAME_BYTES * 8 / plain_spent
-    return Row("sensor.readout", "exact", value, "bit/s", value / BIT_RATE, share, value / plain)
+    return TimingRow(
+        "sensor.readout", "exact", value, "bit/s", value / BIT_RATE, share, value / plain
+    )
 
 
 AIM: Final = 100e6
@@ -83,7 +85,7 @@ while True:
 """
 
 
-def board_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def board_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """The rows `board.read` and `board.write`: payload per second. Every word read is compared.
 
     Args:
@@ -105,8 +107,8 @@ def board_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     ]
 
 
-def _row(name: str, value: float, ceiling: float) -> Row:
-    return Row(name, "UDP, cycle model", value, "bit/s", value / AIM, value / ceiling, None)
+def _row(name: str, value: float, ceiling: float) -> TimingRow:
+    return TimingRow(name, "UDP, cycle model", value, "bit/s", value / AIM, value / ceiling, None)
 
 
 def _datagrams_per_s(size: int, answer: int) -> float:

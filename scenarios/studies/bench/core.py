@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
-from cosim.run.timing import REAL_TIME, Row, least, least_of
+from cosim.run.timing import REAL_TIME, TimingRow, least, least_of
 from cosim.spikes.viform import WORD, Words
 from display import FixedEye
 from scenarios.python import Camera, Display, Link
@@ -85,7 +85,7 @@ def _camera(shape: tuple[int, int], device: Device | None, **keys: Any) -> Camer
     )  # fmt: skip
 
 
-def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def core_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """Rows of calls from Python: a clip of 400 x 250 and one of 1000 x 1000 with every effect of
     the preset `silicon`, a frame that is pushed to a live camera, and what a still eye sees of the
     first clip on a display.
@@ -138,7 +138,7 @@ def core_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows + send_rows(device, BYTES)
 
 
-def _show_row(camera: Camera, frames: npt.NDArray[np.uint8], ceiling: float | None) -> Row:
+def _show_row(camera: Camera, frames: npt.NDArray[np.uint8], ceiling: float | None) -> TimingRow:
     """Five images of a clip on a display with the drive `causal`, which keeps every effect."""
     spikes, display = camera.film(frames, RATE, call=0), Display("causal")
     seen = display.show(spikes, "still", white_rate=WHITE)
@@ -159,9 +159,9 @@ def _show_row(camera: Camera, frames: npt.NDArray[np.uint8], ceiling: float | No
 def _row(
     name: str, tier: str, done: int, seconds: float, plain: float | None, pixels: int,
     ceiling: float | None,
-) -> Row:  # fmt: skip
+) -> TimingRow:  # fmt: skip
     value = done / seconds
-    return Row(
+    return TimingRow(
         name, tier, value, "pixel-cycles/s", value / (pixels * REAL_TIME),
         None if ceiling is None else value / ceiling, plain,
     )  # fmt: skip
@@ -202,7 +202,7 @@ def plain_send(
     return np.packbits(got.reshape(-1)[: sent.size]).tobytes()
 
 
-def send_rows(device: Device | None, size: int, **keys: Any) -> list[Row]:
+def send_rows(device: Device | None, size: int, **keys: Any) -> list[TimingRow]:
     """Rows of a link: its set-up, the first call, which searches for the panel, and later ones,
     which know it.
 
@@ -225,9 +225,10 @@ def send_rows(device: Device | None, size: int, **keys: Any) -> list[Row]:
         lambda: link.send(data, call=1), lambda: link.send(data, call=0),
     ], 3)  # fmt: skip
     tier = sent.error.tier
-    rows = [Row("core.send-setup", tier, least(make, 1), "s", None, None, None)]
+    rows = [TimingRow("core.send-setup", tier, least(make, 1), "s", None, None, None)]
     for which, spent in (("first call", first), ("later calls", again)):
         real = sent.simulated_s / spent
-        rows.append(Row("core.send", f"{tier}, {which}", 8 * size / spent, "bit/s", real, None,
-                        plain / spent))  # fmt: skip
+        rate = 8 * size / spent
+        name = f"{tier}, {which}"
+        rows.append(TimingRow("core.send", name, rate, "bit/s", real, None, plain / spent))
     return rows

@@ -20,7 +20,7 @@ from cosim.compute.opencl import Device
 from cosim.errors import Interrupted
 from cosim.run.machine import Options
 from cosim.run.progress import QuietProgress
-from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least_of
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, TimingRow, least_of
 from cosim.spikes.viform import WORD
 from display import FixedEye, PlaneByPlane, PursuingEye, SpikePanel, make_renderer, panel_views
 from scenarios.assemble.behind.machine import ChainMachine
@@ -81,7 +81,7 @@ def _planes_a_second(
     return CYCLES / spent[0], PLAIN_CYCLES / spent[1]
 
 
-def display_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def display_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """The rows `display.*`, at the size of SpikeTwo.
 
     Args:
@@ -94,7 +94,7 @@ def display_rows(device: Device | None, ceiling: float | None) -> list[Row]:
         value, plain = _planes_a_second(kind, words, shape)
         share = value * shape[0] * shape[1] / ceiling if ceiling else None
         rows.append(
-            Row(f"display.{kind}", "exact", value, "planes/s", value / REAL_TIME, share,
+            TimingRow(f"display.{kind}", "exact", value, "planes/s", value / REAL_TIME, share,
                 value / plain)
         )  # fmt: skip
     return rows
@@ -111,7 +111,7 @@ WARM: Final = "2 ms"
 shorter than the window of an image."""
 
 
-def loop_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def loop_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """A row for each chain, and one for each of its stages alone.
 
     The chain of the plan runs from its first to its last block, with the recording, without the
@@ -137,9 +137,11 @@ def loop_rows(device: Device | None, ceiling: float | None) -> list[Row]:
     return rows
 
 
-def _row(name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None) -> Row:
+def _row(
+    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
+) -> TimingRow:
     value = cycles / max(seconds, 1e-9)
-    return Row(name, tier, value, "planes/s", value / hz, None, plain)
+    return TimingRow(name, tier, value, "planes/s", value / hz, None, plain)
 
 
 def _run(

@@ -16,7 +16,7 @@ from cosim.compute.memory import check_memory
 from cosim.compute.opencl import Device
 from cosim.errors import InputError
 from cosim.light.light import Light, Piece
-from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row, least
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, TimingRow, least
 from sensor import EFFECTS
 from sensor.device.pattern import FixedPattern
 from sensor.latched.fast import FastPixels, PixelArray
@@ -76,9 +76,9 @@ def _rate(device: Device, n: int, cycles: int) -> float:
     return n * cycles / least(run, 3)
 
 
-def growth_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def growth_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """Rows of both; none without an OpenCL device. ceiling: pixel-cycles/s."""
-    rows: list[Row] = []
+    rows: list[TimingRow] = []
     if device is None:
         return rows
     for name, n, cycles in [
@@ -91,5 +91,5 @@ def growth_rows(device: Device | None, ceiling: float | None) -> list[Row]:
             continue
         share = value / ceiling if ceiling else None
         real = value / (n * REAL_TIME)
-        rows.append(Row(name, "bank", value, "pixel-cycles/s", real, share, None))
+        rows.append(TimingRow(name, "bank", value, "pixel-cycles/s", real, share, None))
     return rows

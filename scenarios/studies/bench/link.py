@@ -27,7 +27,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim.compute.opencl import Device
-from cosim.run.timing import Row, least_of
+from cosim.run.timing import TimingRow, least_of
 from link.coding.ldpc import ROUNDS, Ldpc, quantise
 from link.coding.ldpc_decoding import decode_in_numpy
 from link.coding.reed_solomon import WORD_BYTES, ReedSolomon
@@ -48,7 +48,7 @@ AIM: Final = 8e9
 def code_rows(
     name: str, what: str, call: Callable[[], Any], bits: int, aim: float, turns: int,
     plain: tuple[Callable[[], Any], float] | None = None,
-) -> list[Row]:  # fmt: skip
+) -> list[TimingRow]:  # fmt: skip
     """Rows of a call: over all cores, and per core, from processor time.
 
     Args:
@@ -67,8 +67,8 @@ def code_rows(
     each = (time.process_time() - begin) / turns
     ratio = None if plain is None else rest[0] / plain[1] / wall
     return [
-        Row(name, what, bits / wall, "bit/s", bits / wall / aim, None, ratio),
-        Row(name, f"{what}, a core", bits / each, "bit/s", bits / each / aim, None, None),
+        TimingRow(name, what, bits / wall, "bit/s", bits / wall / aim, None, ratio),
+        TimingRow(name, f"{what}, a core", bits / each, "bit/s", bits / each / aim, None, None),
     ]
 
 
@@ -79,20 +79,20 @@ CODES: Final = {9216: 0.4000, 9600: 0.4687, 10368: 0.5539}
 LDPC_WORDS, PLAIN_WORDS, LDPC_TURNS = 512, 8, 3
 
 
-def _row(what: str, call: Callable[[], Any], plain: Callable[[], Any] | None) -> list[Row]:
+def _row(what: str, call: Callable[[], Any], plain: Callable[[], Any] | None) -> list[TimingRow]:
     """The rows of a call for WORDS words."""
     share = None if plain is None else (plain, PLAIN_WORDS / LDPC_WORDS)
     return code_rows("link.ldpc", what, call, LDPC_WORDS * DATA_BITS, AIM, LDPC_TURNS, share)
 
 
-def ldpc_rows(device: Device | None) -> list[Row]:
+def ldpc_rows(device: Device | None) -> list[TimingRow]:
     """The rows `link.ldpc`: encoding at the first rate, and decoding at each.
 
     Args:
         device: OpenCL device that decodes; None for the compiled form.
     """
     random = np.random.default_rng(1)
-    rows: list[Row] = []
+    rows: list[TimingRow] = []
     for word_bits, noise in CODES.items():
         code = Ldpc(DATA_BITS, word_bits)
         data = random.integers(0, 256, (LDPC_WORDS, DATA_BITS // 8), dtype=np.uint8)
@@ -113,7 +113,7 @@ WRONG: Final = (0, 4, 16)
 RS_WORDS, RS_TURNS = 4096, 3
 
 
-def reed_solomon_rows() -> list[Row]:
+def reed_solomon_rows() -> list[TimingRow]:
     """The rows `link.reed-solomon`: encoding, and decoding by the wrong bytes of a word."""
     code, random = ReedSolomon(PARITY), np.random.default_rng(1)
     data = random.integers(0, 256, (RS_WORDS, code.data_bytes), dtype=np.uint8)
@@ -144,7 +144,7 @@ _SEED: Final = 1
 
 def time_rows(
     detectors: dict[str, Detector], given: tuple[Any, ...], cell_symbols: int
-) -> list[Row]:
+) -> list[TimingRow]:
     """Rows `link.detector`, ns of processor time for a symbol of a cell.
 
     Args:
@@ -155,7 +155,7 @@ def time_rows(
     calls: list[Callable[[], Any]] = [partial(each.soft, *given) for each in detectors.values()]
     seconds = least_of(calls, _TURNS, time.process_time)
     return [
-        Row(
+        TimingRow(
             "link.detector", name, 1e9 * each / cell_symbols, "ns/cell-symbol", None, None,
             seconds[0] / each,
         )
@@ -163,7 +163,7 @@ def time_rows(
     ]  # fmt: skip
 
 
-def information_rows() -> list[Row]:
+def information_rows() -> list[TimingRow]:
     """Rows `link.detector`, bits of information of a bit, by ticks and phase."""
     rows = []
     for ticks in TICKS:
@@ -177,7 +177,7 @@ def information_rows() -> list[Row]:
                 found = soft_information(pilot.soft, pilot.sent)
                 assert found is not None
                 tier = f"{name}, {ticks} ticks, phase {phase:g}"
-                rows.append(Row("link.detector", tier, found.bits, "bit", None, None, None))
+                rows.append(TimingRow("link.detector", tier, found.bits, "bit", None, None, None))
     return rows
 
 
@@ -185,7 +185,7 @@ SYMBOLS = 40
 """Symbols that the detectors decide in a call: those of a call of the receiver."""
 
 
-def link_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def link_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """The rows of a link; see above.
 
     Args:

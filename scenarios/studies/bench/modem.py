@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from cosim.compute.opencl import Device
-from cosim.run.timing import REAL_TIME, Row, least_of
+from cosim.run.timing import REAL_TIME, TimingRow, least_of
 from cosim.spikes.viform import WORD, Viform, Words
 from link.coding import Inbox, SoftBlocks, blocks_of
 from link.coding.ldpc import ROUNDS
@@ -162,7 +162,7 @@ def _send(filmed: Filmed) -> int:
     return planes
 
 
-def modem_rows(filmed: Filmed, device: Device | None, ceiling: float | None) -> list[Row]:
+def modem_rows(filmed: Filmed, device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """The rows `link.modem`, of the receiver and of the sender, and `link.acquisition`. "A core"
     is over processor time, which depends less on other load.
 
@@ -180,15 +180,15 @@ def modem_rows(filmed: Filmed, device: Device | None, ceiling: float | None) -> 
     simulated = filmed.symbols * _TICKS / REAL_TIME
     plain = _plain(filmed)
 
-    def row(what: str, spent: float, *ratios: float | None) -> Row:
+    def row(what: str, spent: float, *ratios: float | None) -> TimingRow:
         tier = f"{what}, {cells} cells"
-        return Row("link.modem", tier, bits / spent, "bit/s", simulated / spent, *ratios)
+        return TimingRow("link.modem", tier, bits / spent, "bit/s", simulated / spent, *ratios)
 
     return [
         row("receive", data, pixels / data / ceiling if ceiling else None, plain * bits / data),
         row("receive, a core", busy, None, None),
         row("receive with acquisition", whole, None, None),
         row("send", send, None, None),
-        Row("link.acquisition", "find and time", found, "s", None, None, None),
-        Row("link.acquisition", "learn", learned, "s", None, None, None),
+        TimingRow("link.acquisition", "find and time", found, "s", None, None, None),
+        TimingRow("link.acquisition", "learn", learned, "s", None, None, None),
     ]

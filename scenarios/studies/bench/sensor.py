@@ -19,7 +19,7 @@ from cosim.clock import PS, Clock
 from cosim.compute.opencl import Device
 from cosim.errors import MissingPackages
 from cosim.light.light import Box, Light, Piece, Plane
-from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, Row, least
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, REPEATS, TimingRow, least
 from cosim.spikes.viform import words_for
 from display import GL_INSTALL, probe_gl
 from display.render.context import gl_packages
@@ -221,14 +221,14 @@ def _planned(
     return _rate(pixels.expose, light, light.shape[0] * light.shape[1], cycles, repeats)
 
 
-def _sensor(device: Device | None, ceiling: float | None) -> list[Row]:
+def _sensor(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     chip = CHIPS["spiketwo"]
     shape, n = (chip.height, chip.width), chip.width * chip.height
     rows = []
 
     def row(name: str, tier: str, value: float, plain: float | None = None) -> None:
         rows.append(
-            Row(
+            TimingRow(
                 name, tier, value, "pixel-cycles/s", value / (n * REAL_TIME),
                 value / ceiling if ceiling else None, value / plain if plain else None,
             )

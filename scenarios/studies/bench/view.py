@@ -29,7 +29,7 @@ from cosim.compute.child import python_child
 from cosim.compute.opencl import Device
 from cosim.files.recorder import Recorder
 from cosim.run.folder import check_room
-from cosim.run.timing import BRIGHT, DARK, REAL_TIME, Row
+from cosim.run.timing import BRIGHT, DARK, REAL_TIME, TimingRow
 from cosim.spikes.viform import Viform, Words
 from cosim.stage import Block
 
@@ -162,7 +162,7 @@ def _measure(stream: Path, cycles: int) -> dict[str, float]:
     return found
 
 
-def view_rows(device: Device | None, ceiling: float | None) -> list[Row]:
+def view_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     """Rows of the times, s, and of the peak memory, B. The device and its ceiling are not used.
     Raises InputError if there is no room for the stream."""
     with tempfile.TemporaryDirectory() as folder:
@@ -171,6 +171,8 @@ def view_rows(device: Device | None, ceiling: float | None) -> list[Row]:
         write_stream(stream)
         measured = _measure(stream, CYCLES)
     return [
-        Row(f"view.{name}", "numba", value, "B" if name == "memory" else "s", None, None, None)
+        TimingRow(
+            f"view.{name}", "numba", value, "B" if name == "memory" else "s", None, None, None
+        )
         for name, value in measured.items()
     ]

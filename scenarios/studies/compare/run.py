@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from cosim import PS, Clock, InputError, seconds_to_ps
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.run.folder import check_room, claim_folder, output_folder
 from cosim.run.progress import Progress
 from cosim.run.result import dumps, viform_version
@@ -121,6 +121,6 @@ def _finish(
         "run_time_s": time.perf_counter() - began,
     }  # fmt: skip
     write_compare_report(folder, comparison, document, cameras, truth, snr)
-    with whole(folder / "compare.json") as part:
+    with atomic_write(folder / "compare.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
     return document

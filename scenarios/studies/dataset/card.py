@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.run.result import dumps, viform_version
 from scenarios.scenes.objects.plate import CATEGORIES
 from scenarios.studies.batch.jobs import read_document
@@ -44,7 +44,7 @@ def write_annotations(
             "annotations": [],
         })  # fmt: skip
         before, after = head.rsplit("[]", 1)
-        with whole(places.folder / name) as part, part.open("w", encoding="utf-8") as file:
+        with atomic_write(places.folder / name) as part, part.open("w", encoding="utf-8") as file:
             file.write(f"{before}[")
             count = 0
             for count, (row, lengths) in enumerate(_annotations(places, chosen), 1):
@@ -84,7 +84,7 @@ def write_sums(places: Places, known: Mapping[str, str]) -> str:
         f"{known.get(name) or digest_of(places.folder / name)}  {name}\n" for name in places.files()
     ]
     text = "".join(lines)
-    with whole(places.folder / SUMS) as part:
+    with atomic_write(places.folder / SUMS) as part:
         part.write_text(text, encoding="utf-8")
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -141,7 +141,7 @@ Drawn, by a Latin hypercube (keys of `scene` for each scene, others for each ite
 )}"""  # fmt: skip
     if left:
         text += f"\n## Left out\n\n{left}"
-    with whole(folder / "README.md") as part:
+    with atomic_write(folder / "README.md") as part:
         part.write_text(text, encoding="utf-8")
 
 

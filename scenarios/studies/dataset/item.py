@@ -29,7 +29,7 @@ from cosim import PS
 from cosim.compute.opencl import shared_device
 from cosim.files import open_stream, write_stream
 from cosim.files.durable import put
-from cosim.plan.planner import Row, left_out_rows
+from cosim.plan.planner import EffectRow, left_out_rows
 from cosim.report.png import to_linear_bytes
 from cosim.run.inputs import digest
 from cosim.run.machine import NO_REPORT, Options
@@ -269,7 +269,7 @@ def _filmed(setup: CameraSetup) -> tuple[SpikeStream, dict[str, Any]]:
         "plan": {
             "kept": list(bounds.kept),
             "left_out": left_out_rows(
-                (Row(*each, bounds.kind) for each in bounds.left_out.items()), {}
+                (EffectRow(*each, bounds.kind) for each in bounds.left_out.items()), {}
             ),
         },
         "metrics": {name: metric.document() for name, metric in metrics.items()},

@@ -27,9 +27,9 @@ import numpy as np
 import yaml
 
 from cosim import InputError
+from cosim.files.atomic import atomic_write
 from cosim.files.config_yaml import CONFIG
 from cosim.files.dat import HEAD_SIZE
-from cosim.files.whole import whole
 from scenarios.assemble.schema.loading import filmed, load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.studies.batch.axes import MOST, Axis, check_axes, latin_hypercube
@@ -326,5 +326,5 @@ def write_config(folder: Path, size: tuple[int, int]) -> None:
         },
         sort_keys=False, default_flow_style=None, allow_unicode=True,
     )  # fmt: skip
-    with whole(folder / CONFIG) as part:
+    with atomic_write(folder / CONFIG) as part:
         part.write_text(text, encoding="utf-8")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Final, NamedTuple
 
-from cosim.run.printed import Row
+from cosim.run.printed import PrintedRow
 from imagers.catalogue import IMAGERS
 
-Rows = Callable[[], list[Row]]
+Rows = Callable[[], list[PrintedRow]]
 
 
 class Document(NamedTuple):
@@ -28,8 +28,10 @@ class Document(NamedTuple):
 def _rows(module: str, function: str) -> Rows:
     """A function of a module in this package, which is imported at the first call."""
 
-    def compute() -> list[Row]:
-        rows: list[Row] = getattr(import_module(f"scenarios.studies.paper.{module}"), function)()
+    def compute() -> list[PrintedRow]:
+        rows: list[PrintedRow] = getattr(
+            import_module(f"scenarios.studies.paper.{module}"), function
+        )()
         return rows
 
     return compute
@@ -49,7 +51,7 @@ DOCUMENTS: Final = dict(sorted({**_OF_SPIKE_CAMERAS, **_OF_IMAGERS}.items()))
 """The documents by their numbers."""
 
 
-def paper_rows(documents: tuple[str, ...] = tuple(DOCUMENTS)) -> Iterator[Row]:
+def paper_rows(documents: tuple[str, ...] = tuple(DOCUMENTS)) -> Iterator[PrintedRow]:
     """Yields the rows of these documents, in order."""
     for name in documents:
         for make in DOCUMENTS[name].makers:

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from cosim import PS, Block, Clock, Events, Light, Piece, Viform
-from cosim.run.printed import Row, listed, number, turning_point, unprinted
+from cosim.run.printed import PrintedRow, listed, number, turning_point, unprinted
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
@@ -39,12 +39,12 @@ SHORTEST = 1e-8
 DARK = 100.0
 
 
-def principle_rows() -> list[Row]:
+def principle_rows() -> list[PrintedRow]:
     """The rows of all numbers, in order."""
     return [*_figure_1(), *_images(), *_light(), *_threshold(), *_chance()]
 
 
-def _figure_1() -> list[Row]:
+def _figure_1() -> list[PrintedRow]:
     """The light of fig. 1 on an asynchronous pixel: one level, which doubles during the fifth spike
     and falls to a half during the twelfth."""
     q, level, ms = 1000, 1e6, PS // 1000
@@ -85,7 +85,7 @@ def _figure_1() -> list[Row]:
     ]  # fmt: skip
 
 
-def _images() -> list[Row]:
+def _images() -> list[PrintedRow]:
     """Latched pixels that receive a threshold in 1, 2, 3, 4 and 256 cycles."""
     q, wanted, cycles = 1000, (1, 2, 3, 4, 256), 600
     charge = to_fixed(q / np.array(wanted)) + 1  # a unit more, so that rounding loses no threshold
@@ -123,7 +123,7 @@ def _width(
     return float(pixels.step(Light((Piece(0, stop, plane, plane),)), 0, stop).exact[-1]) / PS
 
 
-def _light() -> list[Row]:
+def _light() -> list[PrintedRow]:
     """Sections 4.3 and 4.4."""
     photons = photons_per_second(SUN, AREA)
     electrons = photons * EFFICIENCY
@@ -189,7 +189,7 @@ def _measured_range(longest: float, levels: int) -> float:
     return decibels(most / least)
 
 
-def _threshold() -> list[Row]:
+def _threshold() -> list[PrintedRow]:
     """Section 4.5; its last example has an error."""
     hundred, wanted = _measured_range(0.01, 100), _measured_range(10.0, 1)
     second, tenth = (levels_for(wanted, longest, SHORTEST) for longest in (1.0, 0.1))
@@ -213,7 +213,7 @@ def _threshold() -> list[Row]:
     ]  # fmt: skip
 
 
-def _chance() -> list[Row]:
+def _chance() -> list[PrintedRow]:
     """Widths of asynchronous pixels with shot noise."""
     return [
         number("000 §5.1", f"standard deviation of a width over the width, Q = {q}", printed,
@@ -241,12 +241,12 @@ WINDOWS = (1, 2, 5, 50, 200, 800)
 """Windows of the six images in figure 3, cycles."""
 
 
-def chip_rows() -> list[Row]:
+def chip_rows() -> list[PrintedRow]:
     """The rows of all numbers, in order."""
     return [*_rates(), *_chips(), *_figures()]
 
 
-def _rates() -> list[Row]:
+def _rates() -> list[PrintedRow]:
     """A saturated pixel, whose shortest width is 1 us, for 1 ms."""
     clock, stop = Clock(1_000_000), PS // 1000
     plane = np.ones((1, 1), np.float32)
@@ -281,7 +281,7 @@ def _filmed(chip: str, hertz: float) -> Viform:
     )
 
 
-def _chips() -> list[Row]:
+def _chips() -> list[PrintedRow]:
     two = CHIPS["spiketwo"]
     fast, slow = two.clocks
     one, at_20_khz = _filmed("spikeone", fast), _filmed("spiketwo", slow)
@@ -310,7 +310,7 @@ def _chips() -> list[Row]:
     ]  # fmt: skip
 
 
-def _figures() -> list[Row]:
+def _figures() -> list[PrintedRow]:
     """Figures 3 and 4 at 20 kHz: two pixels without noise. One has light for two spikes a cycle,
     the other for a spike in every fifth."""
     clock = Clock.from_hz(CHIPS["spiketwo"].clocks[1])

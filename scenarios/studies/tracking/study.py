@@ -106,7 +106,7 @@ Film = Callable[[ExposedScene, int, bool], Iterator[Picture]]
 
 
 @dataclass(frozen=True)
-class Row:
+class TrackingRow:
     """One camera at one speed. Times are medians over the trials, in which what never came counts
     as later than all others; None if that is the median.
 
@@ -156,7 +156,7 @@ def _cameras(conditions: Conditions) -> dict[str, tuple[float, Film]]:
     return made | {f"{rate:g} Hz": (rate, frames(rate)) for rate in conditions.frame_rates}
 
 
-def run_tracking(conditions: Conditions, progress: Progress) -> list[Row]:
+def run_tracking(conditions: Conditions, progress: Progress) -> list[TrackingRow]:
     """Films the same objects and textures with every camera, at every speed.
 
     Returns:
@@ -198,11 +198,11 @@ def _middle(values: Sequence[float | None]) -> float | None:
 
 def _row(
     speed: float, name: str, hz: float, pursuits: Sequence[Pursuit], flows: Sequence[Flow]
-) -> Row:
+) -> TrackingRow:
     entries, turns = [p.entry_s for p in pursuits], [p.turn_s for p in pursuits]
     places = [p.position_px for p in pursuits if p.position_px is not None]
     error = float(np.mean([flow.error for flow in flows]))
-    return Row(
+    return TrackingRow(
         speed / 1e3, name, hz,
         float(np.mean([p.lost for p in pursuits])),
         float(np.median(places)) if places else None,
@@ -214,7 +214,7 @@ def _row(
     )  # fmt: skip
 
 
-def tracking_table(rows: Sequence[Row]) -> str:
+def tracking_table(rows: Sequence[TrackingRow]) -> str:
     """The rows as text."""
     cells = [[
         "px/ms", "camera", "track loss", "position px", "entry ms", "turn ms", "flow error",
@@ -237,7 +237,7 @@ def _number(value: float | None) -> str:
     return "never" if value is None else f"{value:.3g}"
 
 
-def tracking_document(conditions: Conditions, rows: Sequence[Row]) -> dict[str, Any]:
+def tracking_document(conditions: Conditions, rows: Sequence[TrackingRow]) -> dict[str, Any]:
     """The document of the command."""
     return {
         "seed": conditions.seed, "trials": conditions.trials, "clock_hz": conditions.clock.hz,
@@ -247,7 +247,7 @@ def tracking_document(conditions: Conditions, rows: Sequence[Row]) -> dict[str, 
     }  # fmt: skip
 
 
-PANELS: Final[tuple[tuple[str, bool, Callable[[Row], float | None]], ...]] = (
+PANELS: Final[tuple[tuple[str, bool, Callable[[TrackingRow], float | None]], ...]] = (
     ("endpoint error of the flow over the speed", True, lambda row: row.flow_error),
     ("share of time without a right position", False, lambda row: row.track_loss),
     ("appearance until detection, ms", True, lambda row: row.entry_ms),
@@ -258,7 +258,7 @@ FRAMES: Final = ("#1d2433", "#3b6fb5", "#2f9e6e", "#8a5fb5", "#8c8c3c")
 """Colours of cameras with frames."""
 
 
-def tracking_figure(path: Path, rows: Sequence[Row]) -> None:
+def tracking_figure(path: Path, rows: Sequence[TrackingRow]) -> None:
     """Draws a line for each camera. A latency is not drawn where most trials have none."""
     figure, axes = subplots(2, 2, figsize=(10, 7), layout="constrained", sharex=True)
     names = list(dict.fromkeys(row.camera for row in rows))

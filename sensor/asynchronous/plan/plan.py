@@ -17,7 +17,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light
 from cosim.plan.effects import Effect
 from cosim.plan.error import EVERYTHING
-from cosim.plan.planner import ESTIMATE_WEIGHT, Plan, Row, make_plan
+from cosim.plan.planner import ESTIMATE_WEIGHT, EffectRow, Plan, make_plan
 from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import FEWER, AsynchronousPixels
@@ -66,7 +66,7 @@ class EventPlan:
         return [*self.plan.everywhere, *["shared channel"] * channel]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[EffectRow]:
         """Rows of the effects, with the share of pixels, and with bounds that count once."""
         pixels, rows = self.scene.pixels, []
         for row in self.plan.rows:
@@ -76,7 +76,7 @@ class EventPlan:
         return rows
 
     @property
-    def absent(self) -> list[Row]:
+    def absent(self) -> list[EffectRow]:
         """Rows of the effects that some tile leaves out."""
         return [row for row in self.rows if row.effect in self.plan.left_out]
 

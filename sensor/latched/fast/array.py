@@ -16,7 +16,7 @@ from cosim.clock import Clock
 from cosim.light.light import Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.fast.course import Course, check_covered, course_of, parts_of
-from sensor.latched.fast.runs import KeptLaunches
+from sensor.latched.fast.runs import LaunchCache
 from sensor.latched.fast.units import (
     BANK,
     DEAD_TIME,
@@ -213,9 +213,9 @@ class PixelArray:
         )
 
     @cached_property
-    def launches(self) -> KeptLaunches:
+    def launches(self) -> LaunchCache:
         """What kernels need of the `course` of light."""
-        return KeptLaunches(self.course)
+        return LaunchCache(self.course)
 
     def parts(self, light: Light, start: int, cycles: int) -> list[tuple[int, int]]:
         """Parts of a call that differ in how much of the light changes; see `parts_of`."""

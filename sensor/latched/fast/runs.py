@@ -67,7 +67,7 @@ def launches_of(course: Course) -> Launches:
     return Launches(course.steady, course.box, tuple(_runs_of(course)))
 
 
-class KeptLaunches:
+class LaunchCache:
     """Launches for light, without its planes; the last few are kept.
 
     Args:

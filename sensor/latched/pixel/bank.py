@@ -23,8 +23,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.compute.kept import kept
 from cosim.compute.streams import Stream
+from cosim.compute.table_cache import cached_table
 from sensor.latched.pixel.charge import Charge
 from sensor.latched.pixel.interval import KNOTS, knot_places
 from sensor.latched.pixel.model import ExactModel
@@ -225,7 +225,7 @@ def _bank(model: ExactModel, bits: int) -> Bank:
     ascending = _rounded((shares.centre + shares.stretched) * (2.0**bits / model.q))
     sources = __file__, str(Path(__file__).with_name("bank_order.py"))
     key = (ascending.tobytes(),)
-    values = kept("bank", key, sources, lambda: _order(ascending).astype(np.int32))
+    values = cached_table("bank", key, sources, lambda: _order(ascending).astype(np.int32))
     values = np.append(values, values[:LANES])
     values.setflags(write=False)
     return Bank(values, int(ascending[0]), int(ascending[-1]))

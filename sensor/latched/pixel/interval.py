@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.cores import cores
-from cosim.compute.kept import kept
 from cosim.compute.stopping import threads
+from cosim.compute.table_cache import cached_table
 from sensor.latched.pixel.charge import ONE, Charge
 
 MANTISSA_BITS: Final = 7
@@ -97,7 +97,7 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
     """
     if sigma > 0:
         given = (q, sigma, shot)
-        electrons = kept("interval", given, (__file__,), lambda: _noisy_quantiles(*given))
+        electrons = cached_table("interval", given, (__file__,), lambda: _noisy_quantiles(*given))
     else:
         from scipy.special import gammainccinv, gammaincinv
 

@@ -28,9 +28,9 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import get_cython_function_address, intrinsic
 
-from cosim.compute.kept import kept
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
+from cosim.compute.table_cache import cached_table
 from sensor.latched.setting import CameraSetting
 
 Values = npt.NDArray[np.float64]
@@ -254,7 +254,7 @@ def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) 
     else:
         kind = _NORMAL if sigma > 0 else _FIXED
     if kind == _TABLE:
-        table = _table(kept("law", (q, sigma), (__file__,), lambda: _edges(q, sigma)))
+        table = _table(cached_table("law", (q, sigma), (__file__,), lambda: _edges(q, sigma)))
         table[..., 0] += shift
     return Law(kind, q + shift, sigma, table, functions)
 

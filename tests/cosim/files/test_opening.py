@@ -11,7 +11,7 @@ import pytest
 
 from cosim import Clock, InputError, Viform
 from cosim.files import FORMATS, open_stream, write_stream
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.spikes.viform import words_for
 
 ANY_SIZE = [ending for ending in FORMATS if ending != ".raw"]
@@ -125,7 +125,7 @@ def test_a_place_that_cannot_be_written_is_one_line(
 
 
 def test_the_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as refused, whole(tmp_path / "runs/a.png"):
+    with pytest.raises(InputError) as refused, atomic_write(tmp_path / "runs/a.png"):
         pass
     assert str(refused.value) == (
         f"{tmp_path}/runs/a.png must be in a folder that exists, not in {tmp_path}/runs; "

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from cosim import PS, Clock, InputError
-from cosim.compute.kept import described
 from cosim.compute.opencl import Device
+from cosim.compute.table_cache import described
 from cosim.run.shown import SilentProgress
 from link.layout import TRAINING
 from link.mode import Mode

@@ -10,7 +10,7 @@ import pytest
 import scenarios.studies.bench.growth as growth
 import scenarios.studies.bench.sensor as bench
 from cosim.compute.opencl import open_device
-from cosim.run.timing import Row
+from cosim.run.timing import TimingRow
 from scenarios.cli.entry import _main
 from scenarios.cli.maintenance import doctor
 from tests.scenarios.studies.bench.small import make_bench_small
@@ -82,7 +82,7 @@ def test_the_benchmarked_pixels_spike_as_their_picture_says(
 def test_bench_prints_rows_that_lack_a_ratio(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    row = Row("link.detector", "packed", 0.998, "bit", None, None, 2.0)
+    row = TimingRow("link.detector", "packed", 0.998, "bit", None, None, 2.0)
     monkeypatch.setitem(bench.PARTS, "link", lambda device, ceiling: [row])
     assert _main(["bench", "link", "--device", "numba"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]

@@ -8,22 +8,22 @@ from typing import Any
 
 import pytest
 
-from cosim.run.printed import Row, agreement, listed, number, unprinted
+from cosim.run.printed import PrintedRow, agreement, listed, number, unprinted
 from scenarios.studies.paper import DOCUMENTS, paper_rows
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
+def rows() -> list[PrintedRow]:
     return list(paper_rows())
 
 
-def test_every_row_holds(rows: list[Row]) -> None:
+def test_every_row_holds(rows: list[PrintedRow]) -> None:
     assert [row for row in rows if not row.holds] == []
     for name in DOCUMENTS:
         assert sum(row.source.startswith(name) for row in rows) >= 10
 
 
-def test_every_row_says_what_computed_it(rows: list[Row]) -> None:
+def test_every_row_says_what_computed_it(rows: list[PrintedRow]) -> None:
     assert {row.by for row in rows} <= {"run", "component", "formula", "constant"}
     for name in DOCUMENTS:
         simulated = [r for r in rows if r.source.startswith(name) and r.by in ("run", "component")]
@@ -31,7 +31,7 @@ def test_every_row_says_what_computed_it(rows: list[Row]) -> None:
     assert sum(row.by in ("run", "component") for row in rows) >= 100
 
 
-def test_a_document_s_errors_are_proved_and_told(rows: list[Row]) -> None:
+def test_a_document_s_errors_are_proved_and_told(rows: list[PrintedRow]) -> None:
     wrong = {
         (r.source, r.printed, r.computed) for r in rows
         if (r.printed is not None and r.relation == "=" and "the document" in r.note

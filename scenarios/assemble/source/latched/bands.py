@@ -24,7 +24,7 @@ from cosim.archive import save_array
 from cosim.clock import Clock
 from cosim.compute.opencl import choose_device
 from cosim.compute.pocl_files import keep_sums
-from cosim.files.whole import whole
+from cosim.files.atomic import atomic_write
 from cosim.light.source import Source
 from cosim.plan.tiles import TILE
 from cosim.run.chain import BlockChain
@@ -120,7 +120,7 @@ class BandedCamera:
             progress.advance(done)
             try:
                 for number, words in pool.run(expose_band, left):
-                    with whole(self._path(number)) as part:
+                    with atomic_write(self._path(number)) as part:
                         _write(part, words)
                     done += 1
                     progress.advance(done)
@@ -145,7 +145,7 @@ class BandedCamera:
         if not there.exists() or there.read_text(encoding="utf-8") != stated:
             rmtree(self._folder, ignore_errors=True)
             self._folder.mkdir(parents=True)
-            with whole(there) as part:
+            with atomic_write(there) as part:
                 part.write_text(stated, encoding="utf-8")
 
     def step(self, light: Light, block: Block) -> Viform:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from cosim import BLOCK
 from cosim.compute.memory import check_program
 from cosim.files import kept_bytes
-from scenarios.scenes.clips.kept import KEPT_BYTES
+from scenarios.scenes.clips.file_cache import KEPT_BYTES
 
 if TYPE_CHECKING:
     from scenarios.assemble.source.latched.setup import CameraSetup

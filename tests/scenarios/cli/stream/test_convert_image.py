@@ -403,7 +403,7 @@ def test_an_interrupted_conversion_is_one_line_and_leaves_nothing(
     def stop(*words: object) -> None:  # all is written, and has no name yet
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cosim.files.whole.put", stop)
+    monkeypatch.setattr("cosim.files.atomic.put", stop)
     assert viform("convert", recording, tmp_path / name) == (130, "", "viform: interrupted\n")
     assert list(tmp_path.iterdir()) == []
 

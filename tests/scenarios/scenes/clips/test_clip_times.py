@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cosim import PS, Block, Clock
-from scenarios.scenes.clips import kept
+from scenarios.scenes.clips import file_cache
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.decoder import Decoder
 from scenarios.scenes.clips.film import FilmSource
@@ -193,7 +193,7 @@ def test_a_late_frame_is_the_one_that_decoding_from_the_beginning_gives(tmp_path
         truth.append(frame)
     assert len(truth) == 90
     for order in ([70, 71, 72], [88, 89, 90], [40, 5, 80, 41, 12, 11, 13, 0, 47, 48, 49]):
-        kept._CACHE.clear()
+        file_cache._CACHE.clear()
         clip = Clip(path, shape)
         for n in order:
             found = clip.frame(n)
@@ -214,7 +214,7 @@ def test_a_late_start_decodes_from_the_key_frame_before_it(tmp_path, monkeypatch
     early = FilmSource(path, SHAPE, LUX, CLOCK, 40)
     whole = early.truth(2500 * PS // 1000)
     decoded.clear()
-    kept._CACHE.clear()
+    file_cache._CACHE.clear()
     late = FilmSource(path, SHAPE, LUX, CLOCK, 40, start=2.5)
     np.testing.assert_array_equal(late.truth(0), whole)
     assert len(decoded) <= 2 + 12 + 2

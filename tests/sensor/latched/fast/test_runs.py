@@ -12,7 +12,7 @@ from cosim import PS, Clock, Light, Piece
 from cosim.compute.opencl import Device
 from sensor.latched.effects import EFFECTS
 from sensor.latched.fast import FastPixels, PixelArray
-from sensor.latched.fast.runs import KeptLaunches, Launches, launches_of
+from sensor.latched.fast.runs import LaunchCache, Launches, launches_of
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.piecewise import level
@@ -56,7 +56,7 @@ def test_light_of_the_same_instants_has_the_same_weights_and_its_own_planes() ->
         asked.append(start)
         return array.course(light, start, cycles)
 
-    kept = KeptLaunches(course)
+    kept = LaunchCache(course)
     for seed in range(3):
         light = ramps(10 * seed)
         assert_equal(kept(light, 3, 60), launches_of(array.course(light, 3, 60)))
@@ -72,7 +72,7 @@ def test_light_of_the_same_instants_has_the_same_weights_and_its_own_planes() ->
 
 
 def test_planes_are_not_kept() -> None:
-    kept, light = KeptLaunches(array_of().course), ramps(1)
+    kept, light = LaunchCache(array_of().course), ramps(1)
     plane = weakref.ref(light.pieces[1].last)
     assert kept(light, 0, 30).runs
     del light
@@ -81,7 +81,7 @@ def test_planes_are_not_kept() -> None:
 
 def test_a_cycle_of_many_pieces_is_computed_anew() -> None:
     """Its light becomes a plane of its own, which belongs to these planes alone."""
-    kept, ends = KeptLaunches(array_of().course), (0, *range(300, 390, 4), 900)
+    kept, ends = LaunchCache(array_of().course), (0, *range(300, 390, 4), 900)
     one, two = kept(ramps(1, ends), 0, 9), kept(ramps(50, ends), 0, 9)
     shown = [plane for run in two.runs for plane in run.planes]
     assert shown and not {id(plane) for run in one.runs for plane in run.planes} & set(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cosim.run import foresight
-from cosim.run.foresight import Foresight
+from cosim.run import estimate
+from cosim.run.estimate import EstimatedProgress
 from cosim.run.progress import duration_text
 
 
@@ -31,8 +31,8 @@ def film(
 ) -> Notes:
     """Steps of 10 with 1 MB each; the first takes five seconds longer."""
     now, notes = [100.0], Notes()
-    monkeypatch.setattr(foresight.time, "monotonic", lambda: now[0])
-    watched = Foresight(notes, folder)
+    monkeypatch.setattr(estimate.time, "monotonic", lambda: now[0])
+    watched = EstimatedProgress(notes, folder)
     watched.start("filming", 10 * steps)
     watched.advance(begin)
     for n in range(begin // 10, steps):

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.compute import kept as module
-from cosim.compute.kept import described, kept, sources_of
+from cosim.compute import table_cache as module
+from cosim.compute.table_cache import cached_table, described, sources_of
 
 
 @pytest.fixture(autouse=True)
@@ -32,8 +32,8 @@ class Maker:
 def test_a_table_is_made_once(tmp_path: Path) -> None:
     make, source = Maker(), tmp_path / "source.py"
     source.write_text("one")
-    first = kept("law", (1.0, b"x"), (str(source),), make)
-    again = kept("law", (1.0, b"x"), (str(source),), make)
+    first = cached_table("law", (1.0, b"x"), (str(source),), make)
+    again = cached_table("law", (1.0, b"x"), (str(source),), make)
     assert make.calls == 1
     assert (first == again).all() and again.dtype == first.dtype and again.shape == (2, 3)
 
@@ -41,39 +41,39 @@ def test_a_table_is_made_once(tmp_path: Path) -> None:
 def test_other_arguments_or_sources_make_another(tmp_path: Path) -> None:
     make, source = Maker(), tmp_path / "source.py"
     source.write_text("one")
-    kept("law", (1.0,), (str(source),), make)
-    kept("law", (2.0,), (str(source),), make)
+    cached_table("law", (1.0,), (str(source),), make)
+    cached_table("law", (2.0,), (str(source),), make)
     source.write_text("two")
-    kept("law", (1.0,), (str(source),), make)
+    cached_table("law", (1.0,), (str(source),), make)
     assert make.calls == 3
 
 
 @pytest.mark.parametrize("damage", [b"", b"short", None])
 def test_a_damaged_file_is_made_again(folder: Path, damage: bytes | None) -> None:
     make = Maker()
-    kept("law", (1.0,), (), make)
+    cached_table("law", (1.0,), (), make)
     (path,) = folder.iterdir()
     data = bytearray(path.read_bytes())
     data[-3] ^= 1
     path.write_bytes(data if damage is None else damage)
-    got = kept("law", (1.0,), (), make)
+    got = cached_table("law", (1.0,), (), make)
     assert make.calls == 2 and got[0, 0] == 2.0
-    assert (kept("law", (1.0,), (), make) == got).all() and make.calls == 2
+    assert (cached_table("law", (1.0,), (), make) == got).all() and make.calls == 2
 
 
 def test_a_folder_that_refuses_gives_the_table_all_the_same(folder: Path) -> None:
     folder.parent.mkdir()
     folder.write_text("a file in place of the folder")
-    assert kept("law", (1.0,), (), Maker())[0, 0] == 1.0
+    assert cached_table("law", (1.0,), (), Maker())[0, 0] == 1.0
 
 
 def test_old_files_are_removed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_MOST", 3)
     make = Maker()
     for n in range(6):
-        kept("law", (n,), (), make)
+        cached_table("law", (n,), (), make)
     assert len(list(folder.iterdir())) == 3
-    kept("law", (5,), (), make)
+    cached_table("law", (5,), (), make)
     assert make.calls == 6
 
 

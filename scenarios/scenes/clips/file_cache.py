@@ -61,7 +61,7 @@ class Fitted:
     most: float
 
 
-class KeptFile:
+class CachedFile:
     """What is kept of a file.
 
     Args:
@@ -123,22 +123,22 @@ class _Cache:
 
     def __init__(self) -> None:
         self.lock = RLock()
-        self._files: OrderedDict[Any, KeptFile] = OrderedDict()
+        self._files: OrderedDict[Any, CachedFile] = OrderedDict()
         self.bytes = 0
 
-    def file(self, path: Path) -> KeptFile:
+    def file(self, path: Path) -> CachedFile:
         key = _named(path)
         with self.lock:
             found = self._files.get(key)
             if found is None:
-                found = self._files[key] = KeptFile(path)
+                found = self._files[key] = CachedFile(path)
             found.bytes = found.bytes or 0
             self._files.move_to_end(key)
             if len(self._files) > _FILES:
                 self._empty(self._files.popitem(last=False)[1], None)
             return found
 
-    def room(self, file: KeptFile, size: int) -> bool:
+    def room(self, file: CachedFile, size: int) -> bool:
         """Takes more bytes for a file; False if there is no room for them."""
         if file.bytes is None:
             return False
@@ -152,7 +152,7 @@ class _Cache:
         self.bytes += size
         return True
 
-    def _empty(self, file: KeptFile, bytes_after: int | None) -> None:
+    def _empty(self, file: CachedFile, bytes_after: int | None) -> None:
         self.bytes -= file.bytes or 0
         file.bytes = bytes_after
         file.empty()
@@ -176,9 +176,9 @@ def _named(path: Path) -> tuple[Any, ...] | None:
     return str(path.absolute()), file.st_ino, file.st_mtime_ns, file.st_ctime_ns, file.st_size
 
 
-def kept_file(path: Path) -> KeptFile:
+def cached_file(path: Path) -> CachedFile:
     """What is kept of a file as it now is; nothing of a path that cannot be read."""
-    return KeptFile(path) if _named(path) is None else _CACHE.file(path)
+    return CachedFile(path) if _named(path) is None else _CACHE.file(path)
 
 
 def _forked() -> None:

@@ -37,7 +37,7 @@ _SOURCES: Final = {".py", ".cl", ".glsl"}
 
 
 def described(value: Any) -> str:
-    """A text that two values share only if they are the same, as an argument of `kept`.
+    """A text that two values share only if they are the same, as an argument of `cached_table`.
 
     Args:
         value: a number, a text, an array, a collection, a dataclass or an object without state, or
@@ -78,7 +78,7 @@ def sources_of(*packages: str) -> tuple[str, ...]:
     return tuple(sorted(map(str, found)))
 
 
-def kept(
+def cached_table(
     name: str, arguments: tuple[Any, ...], sources: tuple[str, ...],
     make: Callable[[], npt.NDArray[Any]],
 ) -> npt.NDArray[Any]:  # fmt: skip
@@ -103,11 +103,11 @@ def kept(
     return found
 
 
-def kept_value(
+def cached_value(
     name: str, arguments: Any, packages: tuple[str, ...], kind: Any, make: Callable[[], _Value]
 ) -> _Value:
-    """As `kept` for a value of numbers and texts in dataclasses and tuples, computed by compiled
-    loops, whose sums may differ between processors.
+    """As `cached_table` for a value of numbers and texts in dataclasses and tuples, computed by
+    compiled loops, whose sums may differ between processors.
 
     Args:
         name: name of the value, for that of its file.
@@ -132,7 +132,7 @@ def kept_value(
         return np.frombuffer(json.dumps(form.dump_python(made[0])).encode(), np.uint8)
 
     own = text, get_host_cpu_name(), version("numba")
-    found = kept(name, own, sources_of(*packages), packed)
+    found = cached_table(name, own, sources_of(*packages), packed)
     value: _Value = made[0] if made else form.validate_python(json.loads(found.tobytes()))
     return value
 

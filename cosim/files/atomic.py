@@ -48,7 +48,7 @@ def refusal(path: Path, exc: OSError) -> InputError | OSError:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """A temporary name for a file or folder, which replaces `path` only if the context succeeds.
 
     Raises:
@@ -81,8 +81,8 @@ def _remove_abandoned(path: Path) -> None:
 
 
 def remove_parts(folder: Path) -> None:
-    """Removes all temporary files below a folder, of `whole` and of stores. The caller knows that
-    no other process writes there."""
+    """Removes all temporary files below a folder, of `atomic_write` and of stores. The caller knows
+    that no other process writes there."""
     for place, below, names in os.walk(folder):
         for name in [*below, *names]:
             hidden = name.startswith(".") and name.endswith(".part")

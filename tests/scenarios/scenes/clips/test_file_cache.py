@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cosim import Block, Clock, InputError
-from scenarios.scenes.clips import kept
+from scenarios.scenes.clips import file_cache
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.decoder import Decoder
 from scenarios.scenes.clips.film import FilmSource
@@ -24,9 +24,9 @@ NOISE = np.random.default_rng(3).integers(0, 256, (12, *SHAPE), np.uint8)
 
 @pytest.fixture(autouse=True)
 def _empty() -> Iterator[None]:
-    kept._CACHE.clear()
+    file_cache._CACHE.clear()
     yield
-    kept._CACHE.clear()
+    file_cache._CACHE.clear()
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_kept_frames_keep_no_threads(tmp_path, make_clip):
     for n in range(2, 12):
         assert clip.frame(n) is not None
         threads.append(len(os.listdir("/proc/self/task")))
-    assert kept._CACHE.bytes > 12 * PLANE and threads[-1] <= threads[0]
+    assert file_cache._CACHE.bytes > 12 * PLANE and threads[-1] <= threads[0]
 
 
 def test_another_grid_takes_the_decoded_frames(tmp_path, make_clip, work):
@@ -71,7 +71,7 @@ def test_another_grid_takes_the_decoded_frames(tmp_path, make_clip, work):
         assert (clip.count, clip.ended) == (12, True)
     assert work.count("fit") == 24
     small = Clip(path, (4, 8)).frame(5)
-    kept._CACHE.clear()
+    file_cache._CACHE.clear()
     np.testing.assert_array_equal(Clip(path, (4, 8)).frame(5), small)
 
 
@@ -93,14 +93,14 @@ def test_a_clip_from_the_cache_has_the_notes_of_one_that_is_decoded(tmp_path, ma
 def test_the_cache_is_bounded_and_the_file_used_last_stays(tmp_path, make_clip, monkeypatch, work):
     paths = [make_clip(tmp_path / f"{name}.mkv", NOISE) for name in "abc"]
     right = [[Clip(path, SHAPE).frame(n) for n in range(12)] for path in paths]
-    kept._CACHE.clear()
-    monkeypatch.setattr(kept, "KEPT_BYTES", 6 * PLANE)
+    file_cache._CACHE.clear()
+    monkeypatch.setattr(file_cache, "KEPT_BYTES", 6 * PLANE)
     for _ in range(2):
         for path, planes in zip(paths, right, strict=True):
             clip = Clip(path, SHAPE)
             for n, plane in enumerate(planes):
                 np.testing.assert_array_equal(clip.frame(n), plane)
-                assert kept._CACHE.bytes <= 6 * PLANE
+                assert file_cache._CACHE.bytes <= 6 * PLANE
     work.clear()
     clip = Clip(paths[2], SHAPE)
     assert clip.frame(2) is not None and not work  # of a larger file, the first frames stay
@@ -139,7 +139,7 @@ def test_frames_of_two_files_are_never_mixed(tmp_path, make_clip):
     clip = Clip(path, SHAPE)  # opens nothing
     np.testing.assert_array_equal(clip.frame(3), before[3])
     os.replace(make_clip(tmp_path / "b.mkv", NOISE[::-1]), path)
-    kept._CACHE.clear()
+    file_cache._CACHE.clear()
     with pytest.raises(InputError, match="changed since its first frames were read"):
         clip.frame(5)
 

@@ -24,7 +24,7 @@ def _size(folder: Path) -> int:
     return size
 
 
-class Foresight:
+class EstimatedProgress:
     """Passes progress on, and notes the time and the disk space of the whole recording as soon as
     its speed is known.
 
