@@ -67,7 +67,7 @@ class ImagerMachine:
         rows, columns = self.planned.model.shape
         return 16 * rows * columns * self.planned.exposures.frames * _COPIES
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """No findings: the plan is checked on the exposures of the recording."""
         return []
 

@@ -29,13 +29,13 @@ from cosim.stage import BLOCK, blocks
 from link.evaluation.errors import errors_of
 from link.evaluation.reception import arrival_of, judge_delivery, receive_stream
 from link.mode import Mode, Modem
+from link.plan.plan import LinkPlan, LinkSurvey
+from link.plan.planned import PlannedLink, plan_link
 from link.prediction.rates import link_rates
 from link.receiving import Received
 from link.receiving.tuned import Tuned
 from link.setting import LinkSetting, Payload
 from link.setup.setup import FileSetup, choose_link
-from link.trial.plan import LinkPlan, LinkSurvey
-from link.trial.planned import PlannedLink, plan_link
 from link.verdict import Verdict
 from sensor.device.chips import ClockSteering
 from sensor.latched.stages import DuplicatedRows

@@ -24,11 +24,11 @@ from cosim.run.result import Metric, Throughput, viform_version
 from link.evaluation.judge import closed_form, evaluate_link
 from link.evaluation.metrics import link_metrics, lock_metrics
 from link.evaluation.reception import receive_stream, write_delivery
+from link.plan.planned import PlannedLink, check_plan, plan_link
 from link.report.page import link_page
 from link.sending import Transmission
 from link.setup.distances import RateAt, rates_over_distance
 from link.setup.setup import FileLinkSetup
-from link.trial.planned import PlannedLink, check_plan, plan_link
 from sensor.latched.stages import readout_stages
 
 
@@ -132,7 +132,7 @@ class LinkMachine:
     def bits(self) -> int:
         return self._setup.pixel_cycles
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         self._checked = self._pool.submit(check_plan, self._link, self._beside)
         if self._distances is None and pictures_wanted():  # the report alone shows them
             self._distances = self._pool.submit(rates_over_distance, self._setup, self._beside)

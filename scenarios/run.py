@@ -1,4 +1,4 @@
-"""Runs a scenario of any kind: assemble, trial, record, verify, judge, report.
+"""Runs a scenario of any kind: assemble, check, record, judge, report.
 
 If a measurement exceeds a bound of the plan, the effect is reinstated and the recording is
 repeated. `result.json` is written last: a folder that contains it is complete.
@@ -164,7 +164,7 @@ def _record(
         machine = machine.keep([finding.effect for finding in findings])
     announced = bool(findings)
     while True:
-        new = machine.trial(progress)
+        new = machine.check(progress)
         if not new:
             chain = machine.chain(folder)
             if resume:

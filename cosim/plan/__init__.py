@@ -1,1 +1,1 @@
-"""Effects, the planner, tiles, patches, the paired trial, and the ladder of tolerances."""
+"""Effects, the planner, tiles, patches, the paired check, and the ladder of tolerances."""

@@ -1,4 +1,4 @@
-"""The paired trial: several cameras on the same patches, with the same light and random counters.
+"""The paired check: several cameras on the same patches, with the same light and random counters.
 
 Rates are taken over windows of cycles and include fractions of spikes. The error of one camera
 against another is the RMS over the pixels of a patch, for each patch and window. The largest
@@ -36,7 +36,7 @@ def windows(
     return [(s, s + window) for s in starts]
 
 
-class TrialCamera(Protocol):
+class CheckCamera(Protocol):
     """A camera on patches.
 
     Attributes:
@@ -88,7 +88,7 @@ def worst(rates: Values, truth: Values, floor: float) -> Measured:
 class _Recorder:
     """A camera on the patches, with its phases at the edges of the windows."""
 
-    def __init__(self, camera: TrialCamera, edges: int, pixels: int) -> None:
+    def __init__(self, camera: CheckCamera, edges: int, pixels: int) -> None:
         self.camera = camera
         self.phases = np.zeros((edges, pixels))
         self.bits = np.zeros((edges, pixels), np.int64)
@@ -133,7 +133,7 @@ class Paired:
     """
 
     def __init__(
-        self, plane: PatchPlane, cameras: Mapping[str, TrialCamera], spans: Sequence[Span]
+        self, plane: PatchPlane, cameras: Mapping[str, CheckCamera], spans: Sequence[Span]
     ) -> None:
         self.plane, self.spans = plane, list(spans)
         self._cut = PlaneMap(plane.cut, None)

@@ -16,7 +16,7 @@ import numpy as np
 
 from cosim.light.light import Light, PlaneMap
 from cosim.plan.error import Measured
-from cosim.plan.paired import TrialCamera
+from cosim.plan.paired import CheckCamera
 from cosim.plan.planner import EffectRow, Plan, Values
 from cosim.plan.tiles import PatchPlane
 from cosim.stage import Block
@@ -116,7 +116,7 @@ class FirstBlocks(Generic[P]):
 def film_blocks(
     blocks: Sequence[Block], pixels: int, light: Callable[[Block], Light],
     cameras: Sequence[Callable[[Light, Block], P]],
-    reference: tuple[PatchPlane, TrialCamera] | None,
+    reference: tuple[PatchPlane, CheckCamera] | None,
 ) -> FirstBlocks[P]:  # fmt: skip
     """Films a few blocks of one length. The first one warms up; of the others the fastest counts,
     since other load of the machine only adds time.

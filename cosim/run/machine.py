@@ -1,6 +1,6 @@
 """The protocols by which every kind of machine is planned, run, checked and reported.
 
-Every run has the same steps: assemble, trial, record, verify, judge, report. `scenarios/run.py`
+Every run has the same steps: assemble, check, record, judge, report. `scenarios/run.py`
 implements these steps once, with the protocols in this file. Each part of the system implements the
 protocols for the machines that it simulates.
 """
@@ -215,7 +215,7 @@ class Machine(Protocol):
     @property
     def bits(self) -> int: ...
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """Checks the plan on patches before the recording. Returns [] if the plan holds, or if the
         check runs along with the recording."""
         ...

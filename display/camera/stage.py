@@ -22,7 +22,7 @@ from cosim import Block
 from cosim.spikes.viform import WORD, Viform, Words
 from display.camera.rolling import Shutter
 from display.camera.section import FramesSection
-from display.trial.pixels import PanelPixels
+from display.plan.pixels import PanelPixels
 
 Values = npt.NDArray[np.float64]
 

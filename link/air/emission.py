@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from display import SpikePanel
-from display.trial.pixels import PanelPixels
+from display.plan.pixels import PanelPixels
 
 Pixels = npt.NDArray[np.bool_]
 _REMEMBERED = 16

@@ -21,6 +21,7 @@ from link.evaluation.eye import Eye, open_eye
 from link.evaluation.reception import arrival_of, judge_delivery
 from link.evaluation.record import LinkEvaluation, SoftValues, Theory
 from link.layout import TRAINING
+from link.plan.planned import PlannedLink
 from link.prediction.capacity import capacity_bps, capacity_input
 from link.prediction.cell_errors import cell_errors
 from link.prediction.chain_errors import chain_errors
@@ -34,7 +35,6 @@ from link.setup.locking.loop import SOURCES
 from link.setup.setup import FileLinkSetup
 from link.setup.truth import panel_in_view, true_timing
 from link.theory import clopper_pearson
-from link.trial.planned import PlannedLink
 from link.verdict import Cause
 
 Predicted = Callable[[], CellErrors | None]

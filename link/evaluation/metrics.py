@@ -23,12 +23,12 @@ from cosim.run.result import Metric
 from link.coding import blocks_of
 from link.evaluation.record import LinkEvaluation
 from link.mode import Mode
+from link.plan.check import LinkCheck
 from link.receiving import Received
 from link.setup.locking.loop import ClockLock
 from link.setup.setup import FileLinkSetup
 from link.theory import ldpc_word_error
 from link.theory.soft_information import SoftInformation
-from link.trial.check import LinkCheck
 
 _OFF: Final = 0.002
 """Information, bits, by which the table of `ldpc_words` may be off (its tests hold this)."""

@@ -14,6 +14,8 @@ from link.evaluation.errors import Errors
 from link.evaluation.eye import Eye
 from link.layout import Layout
 from link.mode import Mode
+from link.plan.check import LinkCheck
+from link.plan.planned import PlannedLink
 from link.prediction.error_bound import CellScene
 from link.prediction.rates import Rates
 from link.receiving import Received
@@ -22,8 +24,6 @@ from link.setting import LinkSetting
 from link.setup.distances import RateAt
 from link.setup.setup import FileLinkSetup
 from link.theory.soft_information import SoftInformation, soft_information
-from link.trial.check import LinkCheck
-from link.trial.planned import PlannedLink
 from link.verdict import Verdict
 
 

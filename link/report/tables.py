@@ -10,7 +10,7 @@ from cosim.config.amounts import count, number
 from cosim.report.parts import table
 from cosim.run.result import Result
 from link.evaluation.record import LinkEvaluation
-from link.trial.check import BitErrors, LinkCheck
+from link.plan.check import BitErrors, LinkCheck
 from sensor.sections.provenance import fault_rows, optics_rows
 
 NOT_KNOWN = "not known"

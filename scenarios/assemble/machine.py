@@ -178,7 +178,7 @@ def assemble_study(command: str, name: str, scenario: AnyScenario, device: str |
 def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str | None) -> Study:
     """The study of a scenario without its [readout]."""
     if isinstance(scenario, LinkScenario):
-        from link.trial.study import LinkStudy
+        from link.plan.study import LinkStudy
         from scenarios.assemble.source.link import link_camera
 
         return LinkStudy(name, scenario, link_camera(scenario), device)

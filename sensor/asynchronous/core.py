@@ -27,7 +27,7 @@ from cosim.spikes.events import Events
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import is_steady
-from sensor.asynchronous.plan.check import View, verify
+from sensor.asynchronous.plan.check import View, check_events
 from sensor.asynchronous.plan.effects import summarise
 from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels, plan_events
 from sensor.asynchronous.readout.channel import Channel, ChannelModel
@@ -175,7 +175,7 @@ class EventCamera:
         view = camera.view(light, until)
         plan, measured, found = camera.plan(view, stop), None, []
         if check:
-            checked = verify(plan, view, self.tolerance)
+            checked = check_events(plan, view, self.tolerance)
             plan, found, measured = checked.plan, checked.notes, checked.error
         pixels, output = camera.pixels(plan), camera.output(stop)
         for given, begin, end in chain([(light, 0, until)], steps):

@@ -44,7 +44,7 @@ class AsynchronousMachine:
         rest: the steps of light after it.
         plan: what is kept in which tile.
         spent: wall time before the run, s.
-        checked: the plan against the reference, after the trial.
+        checked: the plan against the reference, after the check.
     """
 
     spec: EventSpec
@@ -82,7 +82,7 @@ class AsynchronousMachine:
     def length(self) -> int:
         return self.spec.cycles
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """The plan against the reference on a few tiles."""
         begin = time.perf_counter()
         spec, view = self.spec, self.start.view
@@ -118,7 +118,7 @@ class AsynchronousMachine:
         return chain([(view.light, 0, view.until)], self.rest)
 
     def shortfall(self, recording: Recording) -> list[Finding]:
-        """None: the trial has measured the whole error."""
+        """None: the check has measured the whole error."""
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:

@@ -29,7 +29,7 @@ from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.array import AsynchronousPixels
 from sensor.asynchronous.pixel.closed import ClosedPixels
 from sensor.asynchronous.pixel.reference import follow, quantile_error
-from sensor.asynchronous.plan.check import View, measure, tiles_of, verify
+from sensor.asynchronous.plan.check import View, check_events, measure, tiles_of
 from sensor.asynchronous.plan.effects import LATER
 from sensor.asynchronous.plan.law import WeakError, weak_error
 from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels, reduced
@@ -219,7 +219,7 @@ def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
     each, and with `weak`, the laws of unsent spikes. The error is that of the worst of the tiles
     that any step's plan has reason to look at. Raises InputError for what a run would refuse."""
     progress.start("accuracy of asynchronous pixels", len(TOLERANCES) + 1)
-    checks = [verify(start.plan(tol), start.view, tol) for tol in TOLERANCES]
+    checks = [check_events(start.plan(tol), start.view, tol) for tol in TOLERANCES]
     tiles = sorted({n for c in checks for n in tiles_of(c.plan, start.view.seed)})
     full = checks[-1].plan
     reference = _reference(start, full)

@@ -97,7 +97,7 @@ class ContinuousMachine:
     def length(self) -> int:
         return self.spec.cycles
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """None: nothing is left out."""
         return []
 

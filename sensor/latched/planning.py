@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
 from cosim.plan.error import accepted_error
-from cosim.plan.paired import Span, TrialCamera
+from cosim.plan.paired import CheckCamera, Span
 from cosim.plan.planner import SHARE, Plan, choose_tiles, make_plan
 from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
@@ -163,7 +163,7 @@ class CameraPlan:
         fine, exact = self.fine[tiles], self.exact[tiles]
         return {"exact": exact, "reference": fine & ~exact}
 
-    def on_patches(self, plane: PatchPlane, device: Device | None) -> TrialCamera:
+    def on_patches(self, plane: PatchPlane, device: Device | None) -> CheckCamera:
         """The planned camera on patches that are tiles of the survey's grid.
 
         Every spike has a draw of its own there, as in the reference, with which it is compared.
@@ -189,7 +189,7 @@ class CameraPlan:
 
     def bank_on_patches(
         self, plane: PatchPlane, device: Device | None
-    ) -> tuple[TrialCamera, TrialCamera]:
+    ) -> tuple[CheckCamera, CheckCamera]:
         """The planned camera on patches with thresholds from the bank, and the same without noise
         of the thresholds."""
         flags = self._flags_on(plane)

@@ -19,12 +19,12 @@ from cosim import Clock, Viform
 from cosim.spikes.viform import unpack_planes
 from display import SpikePanel
 from display.drives import DRIVES, Drive
+from display.plan.pixels import PanelPixels
 from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.render.golden import GoldenRenderer
 from display.render.opencl import OpenCLRenderer
 from display.render.renderer import Renderer
-from display.trial.pixels import PanelPixels
 from scenarios.assemble.schema import export as exporting
 from scenarios.assemble.schema.export import export
 from scenarios.cli.entry import _main

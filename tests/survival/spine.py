@@ -58,7 +58,7 @@ class _Machine:
         stages = {"source": _Source(), "recorder": recorder}
         return BlockChain("a", stages, CYCLES, "this run", folder, every_s=0.0, parallel=False)
 
-    def trial(self, progress: Any) -> list[Any]:
+    def check(self, progress: Any) -> list[Any]:
         return []
 
     def shortfall(self, recording: Any) -> list[Any]:

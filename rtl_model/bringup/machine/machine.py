@@ -68,7 +68,7 @@ class BoardMachine:
             else f"virtual board, level {section.level}"
         )  # fmt: skip
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """Nothing: a board has no plan."""
         return []
 

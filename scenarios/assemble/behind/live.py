@@ -30,19 +30,19 @@ from cosim.run.result import Metric, viform_version
 from scenarios.assemble.behind.machine import ChainMachine, of_source, with_behind
 from scenarios.assemble.instants import check_window, choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
-from scenarios.assemble.source.recording.coming import ComingChain
+from scenarios.assemble.source.recording.live import LiveChain
 from scenarios.assemble.source.recording.machine import RecordedFeed, RecordingMachine
-from scenarios.assemble.source.recording.opening import Coming, open_coming, white_of
+from scenarios.assemble.source.recording.opening import LiveInput, open_live, white_of
 from scenarios.assemble.source.recording.opening import Recording as Stream
 
 
-class ComingMachine:
+class LiveMachine:
     """A stream that comes, and the link and the display behind it; see `Machine`.
 
     Args:
         name: short name of the scenario.
         scenario: the scenario.
-        coming: the stream.
+        given: the stream.
         live: the link and the display, laid out for the cycles asked for; None if they play the
             stream after its end, or if there are none.
         waits: why they do so, in words; "" if they do not.
@@ -52,10 +52,10 @@ class ComingMachine:
     unit = "planes"
 
     def __init__(
-        self, name: str, scenario: RecordingScenario, coming: Coming, live: ChainMachine | None,
+        self, name: str, scenario: RecordingScenario, given: LiveInput, live: ChainMachine | None,
         waits: str, device: str | None,
     ) -> None:  # fmt: skip
-        self.name, self.scenario, self.coming, self.live = name, scenario, coming, live
+        self.name, self.scenario, self.input, self.live = name, scenario, given, live
         self._waits, self._device = waits, device
         self._done: Machine | None = None  # what has judged the stream
 
@@ -65,7 +65,7 @@ class ComingMachine:
 
     @property
     def notes(self) -> list[str]:
-        told = [self.coming.note] if self.coming.note else []
+        told = [self.input.note] if self.input.note else []
         told += [self._waits] if self._waits else []
         if self.live is None:
             return told
@@ -78,7 +78,7 @@ class ComingMachine:
 
     @property
     def length(self) -> int:
-        planes = self.coming.planes
+        planes = self.input.planes
         return planes.came if planes.end else planes.cycles or 0
 
     @property
@@ -86,19 +86,19 @@ class ComingMachine:
         """Upper limit of the recording; 0 for a stream of unknown length."""
         if self.live is not None:
             return self.live.bits
-        height, width = self.coming.planes.shape
-        return (self.coming.planes.cycles or 0) * height * width
+        height, width = self.input.planes.shape
+        return (self.input.planes.cycles or 0) * height * width
 
-    def trial(self, progress: Progress) -> list[Finding]:
-        return [] if self.live is None else self.live.trial(progress)
+    def check(self, progress: Progress) -> list[Finding]:
+        return [] if self.live is None else self.live.check(progress)
 
-    def keep(self, effects: Sequence[str]) -> ComingMachine:
+    def keep(self, effects: Sequence[str]) -> LiveMachine:
         if self.live is not None:
             self.live = self.live.keep(effects)
         return self
 
     def chain(self, folder: Path) -> Chain:
-        planes, live = self.coming.planes, self.live
+        planes, live = self.input.planes, self.live
         cycles = planes.cycles or planes.clock.cycles_in(seconds_to_ps(DAY))
         # Nothing of it stays in memory: a stream may come for days. Its chunks are read again.
         recorder = Recorder(folder / STREAM, planes.shape, cycles, planes.clock)
@@ -114,9 +114,9 @@ class ComingMachine:
             return stop <= 0 or planes.wait(stop, stopping)
 
         given = to_toml(self.scenario.model_copy(update={"title": ""})) + plan + viform_version()
-        return ComingChain(
+        return LiveChain(
             self.name, stages, length, hashlib.sha256(given.encode()).hexdigest(), folder,
-            gate=gate, planes=planes, recorder=recorder, again=self.coming.again,
+            gate=gate, planes=planes, recorder=recorder, again=self.input.again,
         )  # fmt: skip
 
     def shortfall(self, recording: Recording) -> list[Finding]:
@@ -124,13 +124,13 @@ class ComingMachine:
         return []
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        planes, recorder = self.coming.planes, recording.chain.recorder
+        planes, recorder = self.input.planes, recording.chain.recorder
         whole = Stream(
-            self.coming.path, planes.shape, planes.clock, planes.came, 1.0, [], recorder.recorded(),
-            self.coming.sized_by,
+            self.input.path, planes.shape, planes.clock, planes.came, 1.0, [], recorder.recorded(),
+            self.input.sized_by,
         )  # fmt: skip
         assert whole.stream is not None
-        white, told = white_of(self.scenario.sensor, self.coming.path, whole.stream, whole.cycles)
+        white, told = white_of(self.scenario.sensor, self.input.path, whole.stream, whole.cycles)
         inner = RecordingMachine(
             self.name, self.scenario, replace(whole, white_rate=white, notes=[told]),
             choose_windows(self.scenario, whole.cycles),
@@ -156,13 +156,13 @@ class ComingMachine:
         machine = _chained(self.scenario, inner, False, self._device, progress)
         self._done = machine
         notes = list(machine.notes)
-        while found := machine.trial(progress):
+        while found := machine.check(progress):
             notes += [finding.message for finding in found]
             machine = self._done = machine.keep([finding.effect for finding in found])
         return machine.judge(source, progress), notes
 
     def _metrics(self, resumed: bool) -> dict[str, Metric]:
-        planes = self.coming.planes
+        planes = self.input.planes
         late, worst = planes.lateness.late, planes.lateness.worst
         return {
             "planes_received": Metric(float(planes.came), "planes"),
@@ -178,11 +178,11 @@ class ComingMachine:
 
     def _told(self) -> list[str]:
         """What the user must know of the stream after its end."""
-        planes = self.coming.planes
-        ended = f"{count(planes.came)} planes came from {self.coming.path}: {planes.end}"
+        planes = self.input.planes
+        ended = f"{count(planes.came)} planes came from {self.input.path}: {planes.end}"
         if planes.cycles is not None and planes.came < planes.cycles:
             ended += f", before the {count(planes.cycles)} that duration asks for"
-        notes = [ended, *self.coming.doubts()]
+        notes = [ended, *self.input.doubts()]
         if planes.lateness.late:
             bound = amount(self.scenario.sensor.source_latency, "s")
             notes.append(
@@ -203,9 +203,9 @@ class ComingMachine:
 
         bound = amount(self.scenario.sensor.source_latency, "s")
         rows = [
-            ["planes received", count(metrics["planes_received"].value), self.coming.planes.end],
+            ["planes received", count(metrics["planes_received"].value), self.input.planes.end],
             ["mean rate", text("planes_rate"), "from the first plane to the last"],
-            ["clock", f"{number(self.coming.planes.clock.hz)} Hz",
+            ["clock", f"{number(self.input.planes.clock.hz)} Hz",
              "gives plane n the time n cycles after the first plane"],
             ["late planes", count(metrics["planes_late"].value),
              f"processing began later than {bound} after the plane's time (sensor.source_latency)"],
@@ -213,7 +213,7 @@ class ComingMachine:
             ["bytes of an incomplete last plane", count(metrics["bytes_incomplete"].value),
              "left out"],
         ]  # fmt: skip
-        live = self.live is not None and self.coming.planes.came == self.coming.planes.cycles
+        live = self.live is not None and self.input.planes.came == self.input.planes.cycles
         way = "<p>The link and the display worked while it came.</p>" if live else ""
         section = f"<h2>The stream as it came</h2>{way}" + table(["what", "value", "meaning"], rows)
         return replace(
@@ -226,32 +226,32 @@ class ComingMachine:
         for machine in (self._done, self.live):
             if machine is not None:
                 machine.close()
-        self.coming.planes.close()
+        self.input.planes.close()
 
 
 def assemble_coming(
     name: str, scenario: RecordingScenario, device: str | None, progress: Progress
-) -> ComingMachine:
+) -> LiveMachine:
     """The machine of a scenario whose stream comes while it runs. Raises InputError."""
     check_window(scenario.image)
-    coming = open_coming(scenario)
+    given = open_live(scenario)
     missing, live = _missing(scenario), None
     with ExitStack() as stack:
-        stack.callback(coming.planes.close)
-        if coming.planes.cycles is not None:
-            choose_windows(scenario, coming.planes.cycles)  # raises an InputError before the stream
+        stack.callback(given.planes.close)
+        if given.planes.cycles is not None:
+            choose_windows(scenario, given.planes.cycles)  # raises an InputError before the stream
         if not missing:
-            laid_out = _chained(scenario, _laid_out(name, scenario, coming), True, device, progress)
+            laid_out = _chained(scenario, _laid_out(name, scenario, given), True, device, progress)
             stack.callback(laid_out.close)
             live = laid_out if isinstance(laid_out, ChainMachine) else None
-        told = f"the first plane of {coming.path} is waited for"
-        coming.planes.first(lambda: progress.note(told))
+        told = f"the first plane of {given.path} is waited for"
+        given.planes.first(lambda: progress.note(told))
         stack.pop_all()
     waits = "" if not missing else (
         f"{_behind(scenario)} after the stream has ended, because without {missing} it cannot be "
         "laid out before"
     )  # fmt: skip
-    return ComingMachine(name, scenario, coming, live, waits, device)
+    return LiveMachine(name, scenario, given, live, waits, device)
 
 
 def _chained(
@@ -280,11 +280,11 @@ def _missing(scenario: RecordingScenario) -> str:
     return " and ".join(keys)
 
 
-def _laid_out(name: str, scenario: RecordingScenario, coming: Coming) -> RecordingMachine:
+def _laid_out(name: str, scenario: RecordingScenario, given: LiveInput) -> RecordingMachine:
     """The source as the link and the display know it before it has come."""
-    planes = coming.planes
+    planes = given.planes
     stream = Stream(
-        coming.path, planes.shape, planes.clock, planes.cycles or 0,
-        scenario.sensor.white_rate or 1.0, [], None, coming.sized_by,
+        given.path, planes.shape, planes.clock, planes.cycles or 0,
+        scenario.sensor.white_rate or 1.0, [], None, given.sized_by,
     )  # fmt: skip
     return RecordingMachine(name, scenario, stream, [])

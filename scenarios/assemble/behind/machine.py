@@ -216,10 +216,10 @@ class ChainMachine:
     def bits(self) -> int:
         return self.inner.bits + self.behind.bits
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """Checks the plan of the source, then that of the link."""
-        found, carrier = self.inner.trial(progress), self.behind.carrier
-        return found if found or carrier is None else carrier.trial(progress)
+        found, carrier = self.inner.check(progress), self.behind.carrier
+        return found if found or carrier is None else carrier.check(progress)
 
     def keep(self, effects: Sequence[str]) -> ChainMachine:
         carrier = self.behind.carrier

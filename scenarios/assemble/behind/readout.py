@@ -85,8 +85,8 @@ class ReadoutMachine:
         own = self.cycles * rows * ROW_BYTES * 8 if self.setup.section.file else 0
         return self.inner.bits + own
 
-    def trial(self, progress: Progress) -> list[Finding]:
-        return self.inner.trial(progress)
+    def check(self, progress: Progress) -> list[Finding]:
+        return self.inner.check(progress)
 
     def keep(self, effects: Sequence[str]) -> ReadoutMachine:
         return replace(self, inner=self.inner.keep(effects))

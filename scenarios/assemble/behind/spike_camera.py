@@ -21,8 +21,8 @@ from cosim.run.result import Metric
 from cosim.spikes.viform import WORD, Viform
 from cosim.stage import section
 from display.panels.panel import SpikePanel
+from display.plan.pixels import PanelPixels
 from display.report.shown import Shown
-from display.trial.pixels import PanelPixels
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import LUMINANCE, LensChoice, choose_lens
 from scenarios.assemble.schema.filming import SpikesSection

@@ -267,7 +267,7 @@ def check_plan(
     return [], Checked(plan, whole, tiles, over, rows, notes)
 
 
-def verify(plan: EventPlan, view: View, tolerance: float) -> Checked:
+def check_events(plan: EventPlan, view: View, tolerance: float) -> Checked:
     """Checks a plan and reinstates effects until its bounds hold. Its notes begin with the reason
     for each."""
     notes: list[str] = []

@@ -35,7 +35,7 @@ from cosim.plan.error import (
     beyond,
     reinstated,
 )
-from cosim.plan.paired import Paired, Span, TrialCamera, Values, compare, worst
+from cosim.plan.paired import CheckCamera, Paired, Span, Values, compare, worst
 from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
 from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
@@ -140,7 +140,7 @@ class PlanCheck(Paired):
         # The patches of "run" have draws of their own: see `CameraPlan.on_patches`.
         other = {OWN_DRAWS, *others}
         self._left_out = [name for name in absent_on(run, plane) if name not in other]
-        cameras: dict[str, TrialCamera] = {
+        cameras: dict[str, CheckCamera] = {
             "reference": PatchCamera(full, plane, "reference"),
             "run": run.on_patches(plane, device),
         }

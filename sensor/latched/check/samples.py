@@ -1,6 +1,6 @@
 """Samples: a few pixels in every tile of the chip, exposed to the reference and as planned.
 
-The patches of the verifier are whole tiles, but few. The samples are few pixels, but in all tiles
+The patches of the check are whole tiles, but few. The samples are few pixels, but in all tiles
 that the run does not simulate with the reference itself. If the RMS error of a whole tile is at
 most E, that of m of its n pixels is at most E sqrt(n / m), whichever they are. So a sample proves
 that a bound is exceeded, without an assumption on how errors are distributed within the tile.

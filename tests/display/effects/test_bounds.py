@@ -9,7 +9,7 @@ from cosim.plan.planner import ESTIMATE_WEIGHT
 from display import DisplaySetting
 from display.effects.bounds import proven
 from display.effects.weights import delay_change, span_change
-from display.trial.pixels import PatchDisplay
+from display.plan.pixels import PatchDisplay
 from tests.display.random_streams import TILE, Stream, random_stream
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from link.mode import Mode
+from link.plan.patches import true_timing
 from link.prediction.cell_errors import cell_errors
 from link.prediction.error_bound import predict_errors
 from link.prediction.light import cell_scene, cell_sight
 from link.setting import link_setting
-from link.trial.patches import true_timing
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load
 

@@ -23,7 +23,7 @@ class ModelPort:
         self.baud = geometry.baud
         self.faults = dict(faults or {})
         self.clock = 0
-        self.coming = []
+        self.input = []
         self.count = {"rx": 0, "tx": 0}
         self.dead = False
         self.sent = []
@@ -54,14 +54,14 @@ class ModelPort:
         self.clock += len(arrived) * self.bridge.byte_clocks
         for byte, clock in zip(reply.data, reply.clocks, strict=True):
             for bent in self.bend("tx", bytes([byte])):
-                self.coming.append((clock + self.bridge.byte_clocks, bent))
+                self.input.append((clock + self.bridge.byte_clocks, bent))
 
     def read(self, count, deadline_s):
         assert deadline_s < 5
         end = self.clock + int(deadline_s * self.geometry.clock_hz)
         got = b""
-        while len(got) < count and self.coming and self.coming[0][0] <= end:
-            at, byte = self.coming.pop(0)
+        while len(got) < count and self.input and self.input[0][0] <= end:
+            at, byte = self.input.pop(0)
             self.clock = max(self.clock, at)
             got += bytes([byte])
         if len(got) < count:
@@ -70,7 +70,7 @@ class ModelPort:
         return got
 
     def drain(self):
-        return self.read(sum(at <= self.clock for at, _ in self.coming), 0.0)
+        return self.read(sum(at <= self.clock for at, _ in self.input), 0.0)
 
     def set_baud(self, baud):
         self.baud = baud

@@ -22,7 +22,7 @@ class SpoilingPort:
         self.random = random.Random(seed)
         self.share = share
         self.time = 0.0
-        self.coming = []
+        self.input = []
         self.kinds = set()
 
     def now(self):
@@ -42,8 +42,8 @@ class SpoilingPort:
             answer, at = self.spoil(kind, bytearray(answer), data, at)
         for byte in answer:
             at = at + BYTE_S
-            self.coming.append((at, byte))
-        self.coming.sort(key=lambda each: each[0])
+            self.input.append((at, byte))
+        self.input.sort(key=lambda each: each[0])
 
     def spoil(self, kind, answer, asked, at):
         r = self.random
@@ -68,8 +68,8 @@ class SpoilingPort:
     def read(self, count, deadline_s):
         assert 0 <= deadline_s < 30
         end, got = self.time + deadline_s, b""
-        while len(got) < count and self.coming and self.coming[0][0] <= end:
-            at, byte = self.coming.pop(0)
+        while len(got) < count and self.input and self.input[0][0] <= end:
+            at, byte = self.input.pop(0)
             self.time = max(self.time, at)
             got += bytes([byte])
         if len(got) < count:
@@ -77,7 +77,7 @@ class SpoilingPort:
         return got
 
     def drain(self):
-        return self.read(sum(at <= self.time for at, _ in self.coming), 0.0)
+        return self.read(sum(at <= self.time for at, _ in self.input), 0.0)
 
 
 def word(address):

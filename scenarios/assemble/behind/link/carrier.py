@@ -18,13 +18,13 @@ from cosim.run.progress import Progress
 from cosim.stage import BLOCK
 from display.probes.setup import ProbeCamera
 from link.air import ber
+from link.plan.check import goodput_change
+from link.plan.plan import LinkPlan
+from link.plan.planned import PlannedLink, check_plan, plan_link
 from link.receiving.packets import PacketReceiver
 from link.section import LinkScenario, LinkSection
 from link.setting import check_receiver
 from link.setup.stream import StreamSetup, set_up_stream
-from link.trial.check import goodput_change
-from link.trial.plan import LinkPlan
-from link.trial.planned import PlannedLink, check_plan, plan_link
 from scenarios.assemble.behind.link.coding import CodedProbeCamera, Decoder, Sender
 from scenarios.assemble.behind.link.ends import EachBlock, FarEnd, Later, NearEnd, Schedule
 from scenarios.assemble.chip import camera_setting
@@ -132,7 +132,7 @@ class Carrier:
         rows = self.link.plan.documents(None if check is None else check.measured)
         return [row | {"effect": _PREFIX + row["effect"]} for row in rows]
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """Checks the plan of the link on patches."""
         self.link, findings = check_plan(self.link, progress)
         return [replace(each, effect=_PREFIX + each.effect) for each in findings]

@@ -71,10 +71,10 @@ class LatchedFeed(Feed):
 
     def behind_code(self, outcome: Outcome, through: Through) -> Outcome:
         """See `Feed`. What arrives whole has the error of the camera's own stream."""
-        verifier, tolerance = self._machine.verifier, self._machine.scenario.tolerance
-        if verifier is None or verifier.displays is None:
+        check, tolerance = self._machine.plan_check, self._machine.scenario.tolerance
+        if check is None or check.displays is None:
             return outcome
-        error = verifier.error_behind(through(verifier.plane), "behind a code that left layers out")
+        error = check.error_behind(through(check.plane), "behind a code that left layers out")
         high = error.ci[1] if error.ci is not None else 0.0
         if high <= accepted_error(tolerance):
             return replace(outcome, error=error)

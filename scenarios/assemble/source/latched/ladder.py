@@ -27,15 +27,15 @@ import numpy as np
 
 from cosim import BLOCK, Block
 from cosim.plan.error import BrokenPromise, Measured
-from cosim.plan.paired import Paired, TrialCamera, Values, compare, worst
+from cosim.plan.paired import CheckCamera, Paired, Values, compare, worst
 from cosim.plan.planner import Plan
 from cosim.plan.study import REFERENCE, Rung, Step, climb, ladder_document
 from cosim.plan.tiles import PatchPlane
 from cosim.run.progress import Progress
 from cosim.spikes.viform import Words
-from display.trial.cost import display_ns, golden_ns
-from display.trial.paired import TRUTH, DisplayPatches, DisplayTrial
-from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from display.plan.cost import display_ns, golden_ns
+from display.plan.paired import TRUTH, DisplayCheck, DisplayPatches
+from scenarios.assemble.source.latched.plan import CameraCheck, RunPlan
 from scenarios.assemble.source.latched.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
@@ -91,11 +91,11 @@ def _tiles(plans: Sequence[RunPlan], seed: int) -> list[int]:
     return sorted(list(order)[:TILES])
 
 
-def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
-    """The trial of the reference and of every rung on the same patches."""
+def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayCheck:
+    """The check of the reference and of every rung on the same patches."""
     survey, setting, display = setup.survey, setup.setting, setup.display
     plane = PatchPlane(survey.grid, _tiles([r.plan for r in rungs], setup.scenario.seed))
-    cameras: dict[str, TrialCamera] = {REFERENCE: PatchCamera(setting, plane, REFERENCE)}
+    cameras: dict[str, CheckCamera] = {REFERENCE: PatchCamera(setting, plane, REFERENCE)}
     for rung in rungs:
         cameras[rung.name] = rung.plan.on_patches(plane, setup.device)
     patches = None
@@ -107,7 +107,7 @@ def _paired(setup: CameraSetup, rungs: Sequence[_Rung]) -> DisplayTrial:
         }  # fmt: skip
         patches = DisplayPatches(plane, displays, survey.scene.floor)
     spans = setup.spans
-    return DisplayTrial(plane, cameras, spans, patches)
+    return DisplayCheck(plane, cameras, spans, patches)
 
 
 def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
@@ -223,13 +223,13 @@ class _Stated:
     reinstated: list[str]
 
 
-def _expose(setup: CameraSetup, trial: DisplayTrial, what: str, progress: Progress) -> None:
-    """Exposes the patches of a trial to the scene."""
+def _expose(setup: CameraSetup, check: DisplayCheck, what: str, progress: Progress) -> None:
+    """Exposes the patches of a check to the scene."""
     scene, lens = setup.stages(setup.source()).values()
     progress.start(what, setup.cycles)
     for start in range(0, setup.cycles, BLOCK):
         block = Block(start, min(BLOCK, setup.cycles - start))
-        trial.step(lens.step(scene.step(None, block), block), block)
+        check.step(lens.step(scene.step(None, block), block), block)
         progress.advance(block.stop)
 
 
@@ -242,23 +242,23 @@ def _stated(setup: CameraSetup, tolerance: float, progress: Progress) -> _Stated
         samples = (
             None if setup.display else sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
         )
-        verifier = Verifier(plan, setup.setting, tiles, setup.device, samples)
+        check = CameraCheck(plan, setup.setting, tiles, setup.device, samples)
         try:
-            _expose(setup, verifier, f"check at tolerance {tolerance:g}", progress)
-            findings = verifier.shortfall(plan.tier)
+            _expose(setup, check, f"check at tolerance {tolerance:g}", progress)
+            findings = check.shortfall(plan.tier)
         except BrokenPromise as exc:
             findings = exc.findings
         if not findings:
-            outcome = "degraded" if verifier.beyond() else "ok"
-            return _Stated(plan, verifier.error(), outcome, reinstated)
+            outcome = "degraded" if check.beyond() else "ok"
+            return _Stated(plan, check.error(), outcome, reinstated)
         reinstated += [finding.effect for finding in findings]
 
 
-def _every_trial(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayTrial:
+def _every_check(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayCheck:
     """The reference and the cameras of all plans on every tile of full size."""
     survey, display = setup.survey, setup.display
     plane = PatchPlane(survey.grid, np.flatnonzero(survey.grid.whole).tolist())
-    cameras: dict[str, TrialCamera] = {REFERENCE: PatchCamera(setup.setting, plane, REFERENCE)}
+    cameras: dict[str, CheckCamera] = {REFERENCE: PatchCamera(setup.setting, plane, REFERENCE)}
     cameras |= {name: each.plan.on_patches(plane, setup.device) for name, each in stated.items()}
     patches = None
     if display is not None:
@@ -268,15 +268,15 @@ def _every_trial(setup: CameraSetup, stated: dict[str, _Stated]) -> DisplayTrial
             shown[name] = name, each.plan.display
         patches = DisplayPatches(plane, shown, survey.scene.floor)
     spans = setup.spans
-    return DisplayTrial(plane, cameras, spans, patches)
+    return DisplayCheck(plane, cameras, spans, patches)
 
 
-def _errors(trial: DisplayTrial, name: str, floor: float) -> Values:
+def _errors(check: DisplayCheck, name: str, floor: float) -> Values:
     """Relative RMS error of each tile in its worst window or image, (tiles,)."""
-    if trial.displays is not None:
-        error = trial.displays.errors(name)
+    if check.displays is not None:
+        error = check.displays.errors(name)
     else:
-        error = compare(trial.rates(name), trial.rates(REFERENCE), floor)[0]
+        error = compare(check.rates(name), check.rates(REFERENCE), floor)[0]
     return np.asarray(error.max(axis=0))
 
 
@@ -288,12 +288,12 @@ def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     """
     progress.note("surveying the scene")
     stated = {f"{tolerance:g}": _stated(setup, tolerance, progress) for tolerance in STATED}
-    trial = _every_trial(setup, stated)
-    tiles = len(trial.plane.tiles)
-    _expose(setup, trial, f"{len(stated)} plans on {tiles} tiles", progress)
+    check = _every_check(setup, stated)
+    tiles = len(check.plane.tiles)
+    _expose(setup, check, f"{len(stated)} plans on {tiles} tiles", progress)
     rows = []
     for tolerance, (name, each) in zip(STATED, stated.items(), strict=True):
-        errors = _errors(trial, name, setup.survey.scene.floor)
+        errors = _errors(check, name, setup.survey.scene.floor)
         worst = int(np.argmax(errors))
         over_limit = int((errors > each.error.high).sum())
         over_tolerance = int((errors > tolerance).sum()) if tolerance > 0 else None
@@ -302,7 +302,7 @@ def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
             "ci": (each.error.low, each.error.high), "outcome": each.outcome,
             "reinstated": each.reinstated, "tiles": tiles,
             "full_physics_tiles": each.plan.full_physics, "over_limit": over_limit,
-            "over_tolerance": over_tolerance, "worst_tile": trial.plane.tiles[worst],
+            "over_tolerance": over_tolerance, "worst_tile": check.plane.tiles[worst],
             "worst_error": float(errors[worst]),
             "holds": not over_limit and (each.outcome != "ok" or not over_tolerance),
         })  # fmt: skip

@@ -30,7 +30,7 @@ from scenarios.assemble.source.latched.judged import LatchedRun
 from scenarios.assemble.source.latched.memory import check_run_memory, memory_note
 from scenarios.assemble.source.latched.pages.chip import plan_page
 from scenarios.assemble.source.latched.pages.stream import stream_page
-from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from scenarios.assemble.source.latched.plan import CameraCheck, RunPlan
 from scenarios.assemble.source.latched.planned import PlannedCamera, planned_camera
 from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
 from sensor.codec.size import Sizes, measure_sizes, sample_places, size_metrics
@@ -79,7 +79,7 @@ class LatchedMachine:
         source: the scene for the recording.
         plan: effects that are kept, tile by tile.
         camera: the simulated camera, or a board or bands that workers simulate in its place.
-        verifier: stage that checks the plan during the recording; None if a board generates the
+        plan_check: stage that checks the plan during the recording; None if a board generates the
             spikes.
         advice: notes for the user before the run, without those of the scene.
         boards: open board of the run.
@@ -93,7 +93,7 @@ class LatchedMachine:
     source: Source
     plan: RunPlan
     camera: PlannedCamera
-    verifier: Verifier | None
+    plan_check: CameraCheck | None
     advice: list[str]
     boards: Boards
     opened: ExitStack
@@ -133,16 +133,14 @@ class LatchedMachine:
         copies = 2 if isinstance(self.camera, BandedCamera) else 1
         return copies * self.setup.cycles * self.pixels
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """No finding: the plan is checked during the recording."""
         return []
 
     def keep(self, effects: Sequence[str]) -> LatchedMachine:
         plan = self.setup.plan_keeping(self.scenario.tolerance, effects)
-        camera, verifier = planned_camera(plan, self.setup, self.boards, self.bands)
-        return replace(
-            self, plan=plan, camera=camera, verifier=verifier, source=self.setup.source()
-        )
+        camera, check = planned_camera(plan, self.setup, self.boards, self.bands)
+        return replace(self, plan=plan, camera=camera, plan_check=check, source=self.setup.source())
 
     def chain(self, folder: Path) -> BlockChain:
         setup, (height, width), cycles = self.setup, self.camera.shape, self.setup.cycles
@@ -152,7 +150,7 @@ class LatchedMachine:
         )  # fmt: skip
         stages: dict[str, Any] = {
             **setup.stages(self.source),
-            **({} if self.verifier is None else {"check": self.verifier}),
+            **({} if self.plan_check is None else {"check": self.plan_check}),
             "sensor": self.camera,
             **readout_stages(self.scenario.sensor.duplicated_rows),
             "recorder": recorder,
@@ -178,23 +176,23 @@ class LatchedMachine:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def shortfall(self, recording: Recording) -> list[Finding]:
-        return [] if self.verifier is None else self.verifier.shortfall(self.plan.tier)
+        return [] if self.plan_check is None else self.plan_check.shortfall(self.plan.tier)
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
-        setup, seconds, verifier = self.setup, recording.seconds, self.verifier
+        setup, seconds, check = self.setup, recording.seconds, self.plan_check
         images = self._images(recording)
         throughput = self.throughput(recording)
-        beyond = [] if verifier is None else verifier.beyond()
+        beyond = [] if check is None else check.beyond()
         board = self.camera if isinstance(self.camera, BoardCamera) else None
         faults = [] if board is None else board.faults()
         outcome = "degraded" if self.source.degraded or beyond else "ok"
-        full = None if verifier is None else verifier.full_physics_s(self.pixels, setup.cycles)
+        full = None if check is None else check.full_physics_s(self.pixels, setup.cycles)
         return Outcome(
             outcome="failed" if faults else outcome,
             simulated_s=setup.cycles / setup.setting.clock.hz,
-            error=Error(None, NO_ERROR, None) if verifier is None else verifier.result_error(),
-            kept=[] if verifier is None else list(self.plan.plan.everywhere),
-            left_out=[] if verifier is None else verifier.left_out(),
+            error=Error(None, NO_ERROR, None) if check is None else check.result_error(),
+            kept=[] if check is None else list(self.plan.plan.everywhere),
+            left_out=[] if check is None else check.left_out(),
             metrics={
                 **images.metrics,
                 "white_rate": Metric(setup.white_rate, "spikes/cycle"),
@@ -270,7 +268,7 @@ class LatchedMachine:
         return LatchedRun(
             run, self.scenario, setup.setting, setup.lens, setup.white_rate, setup.instants,
             self.source, self.plan, images.stream, images.shots, images.sizes, setup.mosaic,
-            None if self.verifier is None else self.verifier.bank(),
+            None if self.plan_check is None else self.plan_check.bank(),
         )  # fmt: skip
 
     def page(self, run: Run) -> Page:
@@ -297,10 +295,10 @@ def assemble_latched(name: str, scenario: Scenario, options: Options) -> Latched
         planes = plan.survey.light.planes
         check_run_memory(setup, planes)
         notes = [*setup.choice.notes, *plan.notes, memory_note(setup, planes)]
-        camera, verifier = planned_camera(plan, setup, boards, bands)
+        camera, check = planned_camera(plan, setup, boards, bands)
         if isinstance(camera, BoardCamera):
             notes.append(camera.note)
         return LatchedMachine(
-            name, scenario, setup, source, plan, camera, verifier, notes, boards, stack.pop_all(),
+            name, scenario, setup, source, plan, camera, check, notes, boards, stack.pop_all(),
             bands,
         )  # fmt: skip

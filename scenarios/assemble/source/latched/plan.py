@@ -23,11 +23,11 @@ from cosim.plan.tiles import PatchPlane
 from cosim.run.result import Error
 from display import DisplaySetting
 from display.effects import BASE_COST, effective_planes, weight_steps
-from display.trial.paired import (
+from display.plan.paired import (
     TRUTH,
+    CheckDisplay,
+    DisplayCheck,
     DisplayPatches,
-    DisplayTrial,
-    TrialDisplay,
     partial_displays,
 )
 from sensor import CameraSetting
@@ -135,7 +135,7 @@ def plan_run(
     return RunPlan(**vars(made), display=left, full_display=display)
 
 
-class Verifier(PlanCheck, DisplayTrial):
+class CameraCheck(PlanCheck, DisplayCheck):
     """The stage that checks a plan.
 
     Args:
@@ -154,7 +154,7 @@ class Verifier(PlanCheck, DisplayTrial):
         display, patches = None, None
         plane = PatchPlane(run.survey.grid, sorted(tiles))
         if run.display is not None and run.full_display is not None:
-            display = TrialDisplay(run.full_display, run.display, run.survey.scene.cycles)
+            display = CheckDisplay(run.full_display, run.display, run.survey.scene.cycles)
         self._display = display
         self._partial = {} if display is None else partial_displays(display, absent_on(run, plane))
         if display is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from scenarios.assemble.source.latched.bands import BandedCamera, Bands
 from scenarios.assemble.source.latched.boards import BoardCamera, Boards
 from scenarios.assemble.source.latched.dim import reading_camera
-from scenarios.assemble.source.latched.plan import RunPlan, Verifier
+from scenarios.assemble.source.latched.plan import CameraCheck, RunPlan
 from scenarios.assemble.source.latched.setup import CameraSetup
 from sensor import SpikeCamera
 from sensor.latched.check.samples import sample_tiles
@@ -17,7 +17,7 @@ PlannedCamera = SpikeCamera | ReadingCamera | BoardCamera | BandedCamera
 
 def planned_camera(
     plan: RunPlan, setup: CameraSetup, boards: Boards, bands: Bands | None
-) -> tuple[PlannedCamera, Verifier | None]:
+) -> tuple[PlannedCamera, CameraCheck | None]:
     """The planned camera and the stage that checks it."""
     board = boards.camera(setup.setting, plan.survey.scene, setup.cycles)
     if board is not None:
@@ -32,4 +32,4 @@ def planned_camera(
     if plan.display is None:  # a display is checked by radiance, which needs whole tiles
         samples = sample_tiles(plan, tiles, setup.device, setup.scenario.seed)
     keep = setup.scenario.link is not None  # its code changes the spikes that the display shows
-    return camera, Verifier(plan, setup.setting, tiles, setup.device, samples, keep)
+    return camera, CameraCheck(plan, setup.setting, tiles, setup.device, samples, keep)

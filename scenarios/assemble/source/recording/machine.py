@@ -83,7 +83,7 @@ class RecordingMachine:
     def bits(self) -> int:
         return self.recording.cycles * self.pixels
 
-    def trial(self, progress: Progress) -> list[Finding]:
+    def check(self, progress: Progress) -> list[Finding]:
         """None: nothing is left out."""
         return []
 

@@ -24,7 +24,7 @@ from cosim.spikes.clocked import ClockedEvents
 from cosim.spikes.excerpt import StreamStage
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
-from scenarios.assemble.source.recording.coming import ComingPlanes
+from scenarios.assemble.source.recording.live import LivePlanes
 from scenarios.assemble.source.recording.origin import open_origin
 from sensor.codec.files import open_any
 from sensor.sections.recorded import RecordedSection
@@ -213,7 +213,7 @@ _KEYS: Final = "sensor.width and sensor.height"
 
 
 @dataclass(frozen=True, eq=False)
-class Coming:
+class LiveInput:
     """A stream that comes.
 
     Attributes:
@@ -224,7 +224,7 @@ class Coming:
         note: note on the size; "" for none.
     """
 
-    planes: ComingPlanes
+    planes: LivePlanes
     path: Path
     again: bool
     sized_by: str
@@ -271,7 +271,7 @@ def refuse_pipe(scenario: AnyScenario, command: str) -> None:
         )  # fmt: skip
 
 
-def open_coming(scenario: RecordingScenario) -> Coming:
+def open_live(scenario: RecordingScenario) -> LiveInput:
     """Opens the stream of a scenario. Raises InputError for a source that is missing or of another
     kind, and for planes that are no whole bytes."""
     section = scenario.sensor
@@ -299,8 +299,8 @@ def open_coming(scenario: RecordingScenario) -> Coming:
             f"given with {path}", "leave it out, or name a .dat",
         )  # fmt: skip
     bound = seconds_to_ps(section.source_latency)
-    planes = ComingPlanes(origin, size, order, clock, cycles, bound)
-    return Coming(planes, Path(origin.name), not piped, sized_by, note)
+    planes = LivePlanes(origin, size, order, clock, cycles, bound)
+    return LiveInput(planes, Path(origin.name), not piped, sized_by, note)
 
 
 def _size(

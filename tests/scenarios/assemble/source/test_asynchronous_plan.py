@@ -22,7 +22,7 @@ from scenarios.assemble.source.asynchronous import study_asynchronous
 from scenarios.run import run_scenario
 from sensor.asynchronous import study
 from sensor.asynchronous.plan import effects
-from sensor.asynchronous.plan.check import measure, tiles_of, verify
+from sensor.asynchronous.plan.check import check_events, measure, tiles_of
 from sensor.asynchronous.run import EventRun, EventStart
 from sensor.asynchronous.study import TOLERANCES, measure_ladder
 
@@ -115,7 +115,7 @@ def test_a_false_bound_is_found_out_named_and_put_back(monkeypatch, name, functi
     start = begin(sky("tolerance=1e-2"))
     plan = start.plan(1e-2)
     assert plan.where(name).any()
-    checked = verify(plan, start.view, 1e-2)
+    checked = check_events(plan, start.view, 1e-2)
     assert not checked.plan.where(name).any()
     assert name not in [row["effect"] for row in checked.left_out]
     assert [text.split(" kept: ")[0] for text in checked.notes] == [REPEATED + name]
@@ -143,7 +143,7 @@ def test_a_sum_that_exceeds_the_tolerance_is_found_out(monkeypatch):
     start = begin(sky("duration=1 s"))
     plan = start.plan(1e-3)
     assert plan.where("shot noise").any()
-    checked = verify(plan, start.view, 1e-3)
+    checked = check_events(plan, start.view, 1e-3)
     assert not checked.plan.left_out.any()
     assert checked.notes[0].endswith(REPEATED + "every effect kept")
     assert checked.error.high < 1e-3
@@ -184,7 +184,7 @@ def test_readings_below_threshold_are_compared_by_their_levels():
     # A reading moves by whole levels, a hundredth each, for a part in a thousand of light.
     for tolerance in (1e-3, 0.05, 1.0):
         plan = start.plan(tolerance)
-        assert plan.left_out.any() and verify(plan, start.view, tolerance).notes == []
+        assert plan.left_out.any() and check_events(plan, start.view, tolerance).notes == []
 
 
 def test_the_ladder_of_tolerances(monkeypatch):

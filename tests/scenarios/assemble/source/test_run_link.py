@@ -21,10 +21,10 @@ from link.evaluation.reception import judge_delivery
 from link.evaluation.record import LinkEvaluation
 from link.layout import Layout
 from link.mode import Mode
+from link.plan.stages import carried
 from link.setting import link_setting
 from link.setup.modes import choose_mode, tag_warning
 from link.setup.setup import set_up_link
-from link.trial.stages import carried
 from link.verdict import Cause, Verdict
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import load

@@ -12,7 +12,7 @@ from sensor.latched.check.plan_check import bank_change
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fast import array
 from sensor.latched.pixel.bank import Bank
-from tests.scenarios.assemble.source.latched.test_verifier import verifiers
+from tests.scenarios.assemble.source.latched.test_plan_check import verifiers
 
 
 @pytest.mark.parametrize(("rate", "noise"), [(0.0, 0.0), (0.01, 0.0), (0.0, 0.3)])

@@ -11,7 +11,7 @@ import pytest
 from cosim import Block
 from cosim.plan.study import LADDER
 from cosim.run.shown import SilentProgress
-from display.trial.cost import display_ns, golden_ns
+from display.plan.cost import display_ns, golden_ns
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.source.latched.ladder import accuracy
 from scenarios.assemble.source.latched.setup import set_up_camera
@@ -56,7 +56,7 @@ def test_the_display_s_cost_counts_planes_and_looks(document):
     """A renderer that does nothing but count is asked for every plane once, in its own spans."""
     import numpy as np
 
-    import display.trial.cost as cost
+    import display.plan.cost as cost
     from cosim.spikes.viform import words_for
     from display import CameraPlane, DisplaySetting, SpikePanel
     from tests.display.random_streams import CLOCK

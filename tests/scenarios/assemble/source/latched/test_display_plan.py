@@ -15,9 +15,9 @@ from cosim import Block, Bound
 from cosim.plan.error import BrokenPromise
 from display import CameraPlane, DisplaySetting, PursuingEye
 from display.effects.bounds import BASE_COST, SPAN_COST
-from display.trial.paired import TRUTH
+from display.plan.paired import TRUTH
 from scenarios.assemble.schema.loading import load
-from scenarios.assemble.source.latched.plan import RunPlan, Verifier, plan_run
+from scenarios.assemble.source.latched.plan import CameraCheck, RunPlan, plan_run
 from scenarios.assemble.source.latched.setup import set_up_camera
 
 SPANS = ("planes within 8", "planes within 64")
@@ -64,9 +64,9 @@ class Made:
             display=display or self.display, **more,
         )  # fmt: skip
 
-    def check(self, plan: RunPlan) -> Verifier:
+    def check(self, plan: RunPlan) -> CameraCheck:
         """Run to its end."""
-        check = Verifier(plan, self.setting, plan.patches(1), None)
+        check = CameraCheck(plan, self.setting, plan.patches(1), None)
         source, relay = (
             self.setup.source(),
             self.lens.relay(self.setting.chip.pitch),
@@ -192,7 +192,9 @@ def test_a_check_goes_on_from_its_state(glass):
         made.setup.source(),
         made.lens.relay(made.setting.chip.pitch),
     )
-    whole, first, second = (Verifier(plan, made.setting, plan.patches(1), None) for _ in range(3))
+    whole, first, second = (
+        CameraCheck(plan, made.setting, plan.patches(1), None) for _ in range(3)
+    )
     for start in range(0, made.cycles, 64):
         block = Block(start, min(64, made.cycles - start))
         light = relay(source.step(None, block))

@@ -171,8 +171,8 @@ def test_a_run_that_was_interrupted_goes_on_across_a_write(tmp_path, monkeypatch
     _, scenario = load("step", sets)
     machine = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
     source, lens = machine.setup.stages(machine.setup.source()).values()
-    verifier, camera = machine.verifier, machine.camera
-    assert verifier is not None
+    check, camera = machine.plan_check, machine.camera
+    assert check is not None
 
     def run(parts: list[tuple[int, int]], stages: list[Any]) -> list[np.ndarray]:
         words = []
@@ -184,17 +184,17 @@ def test_a_run_that_was_interrupted_goes_on_across_a_write(tmp_path, monkeypatch
             words.append(stages[-1].step(light, block).planes())
         return words
 
-    whole = run([(0, 64), (64, 128), (128, 160)], [verifier, camera])
+    whole = run([(0, 64), (64, 128), (128, 160)], [check, camera])
     again = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
-    assert again.verifier is not None
-    first = run([(0, 64)], [again.verifier, again.camera])
+    assert again.plan_check is not None
+    first = run([(0, 64)], [again.plan_check, again.camera])
     third = assemble_latched("step", scenario, Options("numba"))  # type: ignore[arg-type]
-    assert third.verifier is not None
-    third.verifier.restore(again.verifier.state())
+    assert third.plan_check is not None
+    third.plan_check.restore(again.plan_check.state())
     third.camera.restore(again.camera.state())  # type: ignore[union-attr]
-    rest = run([(64, 128), (128, 160)], [third.verifier, third.camera])
+    rest = run([(64, 128), (128, 160)], [third.plan_check, third.camera])
     np.testing.assert_array_equal(np.concatenate(first + rest), np.concatenate(whole))
-    assert third.verifier.patches_error() == verifier.patches_error()
+    assert third.plan_check.patches_error() == check.patches_error()
 
 
 def test_levels_of_a_board_have_the_ratios() -> None:

@@ -11,12 +11,12 @@ from cosim import Effect
 from cosim.run.progress import QuietProgress
 from link.air import ber
 from link.mode import Mode
+from link.plan.check import compare
+from link.plan.patches import LinkPatches, Variant
+from link.plan.plan import Compared, LinkSurvey, half_width, survey_link
+from link.plan.planned import survey_of
 from link.setting import LinkSetting, link_setting
 from link.setup.setup import set_up_link
-from link.trial.check import compare
-from link.trial.patches import LinkPatches, Variant
-from link.trial.plan import Compared, LinkSurvey, half_width, survey_link
-from link.trial.planned import survey_of
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 

@@ -31,13 +31,11 @@ from cosim.plan.study import (
 )
 from cosim.run.progress import Progress
 from link.air import ber_units
-from link.section import LinkScenario
-from link.setup.setup import FileLinkSetup, set_up_link
-from link.trial.check import KIND, check_variants, compare
-from link.trial.patches import FEWEST, Decided, LinkPatches, Variant
-from link.trial.plan import LinkPlan, LinkSurvey, half_width
-from link.trial.planned import is_checked, survey_of
-from link.trial.stages import (
+from link.plan.check import KIND, check_variants, compare
+from link.plan.patches import FEWEST, Decided, LinkPatches, Variant
+from link.plan.plan import LinkPlan, LinkSurvey, half_width
+from link.plan.planned import is_checked, survey_of
+from link.plan.stages import (
     PROGRAM,
     Amounts,
     StageTime,
@@ -48,6 +46,8 @@ from link.trial.stages import (
     recorder_time,
     stage_document,
 )
+from link.section import LinkScenario
+from link.setup.setup import FileLinkSetup, set_up_link
 from sensor import CameraSetting, SpikeCamera
 from sensor.latched.fine_tiles import PatchCamera
 from sensor.latched.reference.law import DRAWS, reference_error

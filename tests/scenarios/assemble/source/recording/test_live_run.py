@@ -379,7 +379,7 @@ def test_the_progress_has_the_planes_received_and_their_rate(recorded, tmp_path,
 @pytest.mark.parametrize(("cycles", "total", "done"), [(400, 1534, 64), (None, 0, 390)])
 def test_the_share_that_is_done_is_that_of_the_chain(cycles, total, done):
     """With a link, all planes have come long before all are sent."""
-    from scenarios.assemble.source.recording.coming import _Received
+    from scenarios.assemble.source.recording.live import _Received
 
     class Counting(Noting):
         def start(self, what, total):

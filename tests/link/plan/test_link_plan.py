@@ -16,13 +16,9 @@ from link.air import Scene
 from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
-from link.sending import FileTransmission, Transmission
-from link.setting import LinkSetting, link_setting
-from link.setup.truth import true_timing
-from link.theory import clopper_pearson
-from link.trial.check import LinkCheck, check_link, compare, goodput_change
-from link.trial.patches import LinkPatches, Variant
-from link.trial.plan import (
+from link.plan.check import LinkCheck, check_link, compare, goodput_change
+from link.plan.patches import LinkPatches, Variant
+from link.plan.plan import (
     Compared,
     LinkSurvey,
     camera_changes,
@@ -30,7 +26,11 @@ from link.trial.plan import (
     survey_link,
     uncertainty,
 )
-from link.trial.study import LinkStudy
+from link.plan.study import LinkStudy
+from link.sending import FileTransmission, Transmission
+from link.setting import LinkSetting, link_setting
+from link.setup.truth import true_timing
+from link.theory import clopper_pearson
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 from sensor.device.pattern import DevicePattern

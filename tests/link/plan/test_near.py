@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from link.plan.check import ESTIMATED, FEWEST, KIND, LinkCheck, compare, near
 from link.report.tables import error_text
-from link.trial.check import ESTIMATED, FEWEST, KIND, LinkCheck, compare, near
 
 SLOPE, RATE = 0.6, 1e-5
 

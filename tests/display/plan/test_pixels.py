@@ -9,8 +9,8 @@ from cosim import Clock
 from cosim.spikes.viform import pack_planes
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
 from display.drives import DRIVES
+from display.plan.pixels import PatchDisplay
 from display.render.golden import GoldenRenderer
-from display.trial.pixels import PatchDisplay
 
 CLOCK = Clock(40_000)
 SHAPE, PLANES = (6, 9), 320

@@ -13,12 +13,12 @@ import numpy.typing as npt
 from cosim.plan.error import ARITHMETIC, Finding, beyond, reinstated, required
 from cosim.run.progress import Progress
 from link.air import Air
+from link.plan.check import LinkCheck, check_link
+from link.plan.patches import LinkPatches
+from link.plan.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from link.prediction.light import cell_scene
 from link.setup.setup import LinkSetup
 from link.setup.truth import panel_in_view
-from link.trial.check import LinkCheck, check_link
-from link.trial.patches import LinkPatches
-from link.trial.plan import Compared, LinkPlan, LinkSurvey, survey_link
 from sensor import SpikeCamera
 
 _BLURRED: Final = 2.0

@@ -1,9 +1,9 @@
-"""The paired trial with displays: words of cameras on displays of patches, compared as radiance.
+"""The paired check with displays: words of cameras on displays of patches, compared as radiance.
 
 Radiance is relative to the white of the panel, as the selected observer integrates it around each
 of its instants. The truth is the display with every effect, with the words of the reference camera.
-For a moving eye, a patch is continued periodically at its edges (`display/trial/pixels.py`): the
-trial measures changes between the pixels of a tile, but not those at an edge between two tiles.
+For a moving eye, a patch is continued periodically at its edges (`display/plan/pixels.py`): the
+check measures changes between the pixels of a tile, but not those at an edge between two tiles.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy.typing as npt
 
 from cosim import Block, Light
 from cosim.plan.error import Measured
-from cosim.plan.paired import Paired, Span, TrialCamera, Values, Words, compare, worst
+from cosim.plan.paired import CheckCamera, Paired, Span, Values, Words, compare, worst
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, pack_planes, unpack_planes, words_for
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
+from display.plan.pixels import PatchDisplay
 from display.setting import DisplaySetting
-from display.trial.pixels import PatchDisplay
 
 TRUTH = "truth"
 """Name of the display with every effect."""
@@ -34,7 +34,7 @@ KEPT = "words of "
 
 
 @dataclass(frozen=True)
-class TrialDisplay:
+class CheckDisplay:
     """A display whose plan is checked.
 
     Attributes:
@@ -171,18 +171,18 @@ class DisplayPatches:
             })  # fmt: skip
 
 
-class DisplayTrial(Paired):
+class DisplayCheck(Paired):
     """Cameras on patches, and displays that show their words.
 
     Args:
         plane, cameras, spans: see `Paired`.
-        displays: displays on patches, None for a trial of cameras only.
+        displays: displays on patches, None for a check of cameras only.
     """
 
     def __init__(
         self,
         plane: PatchPlane,
-        cameras: Mapping[str, TrialCamera],
+        cameras: Mapping[str, CheckCamera],
         spans: Sequence[Span],
         displays: DisplayPatches | None,
     ) -> None:
@@ -215,7 +215,7 @@ class DisplayTrial(Paired):
 
 
 def partial_displays(
-    display: TrialDisplay, names: Sequence[str]
+    display: CheckDisplay, names: Sequence[str]
 ) -> dict[str, tuple[str, DisplaySetting]]:
     """For each of these effects, the display without it, and the name of the display with which it
     is compared. Names of other effects are ignored. Coarser spans are compared with the next finer

@@ -41,7 +41,7 @@ _PATIENCE: Final = 10
 """Looks after which the user is told that the first plane is waited for."""
 
 
-class ComingPlanes:
+class LivePlanes:
     """The stage that takes the planes of a source; its `wait` is the gate of the chain.
 
     Args:
@@ -275,7 +275,7 @@ class _Received:
         what: beginning of the text.
     """
 
-    def __init__(self, progress: Progress, planes: ComingPlanes, what: str) -> None:
+    def __init__(self, progress: Progress, planes: LivePlanes, what: str) -> None:
         self._progress, self._planes, self._what = progress, planes, what
         self._told: float | None = None
 
@@ -304,7 +304,7 @@ class _Received:
 
 
 @dataclass
-class ComingChain(BlockChain):
+class LiveChain(BlockChain):
     """Records a stream, and sends and shows it if its length is known, as it comes.
 
     The chain ends early if the stream does. Then, and when it is interrupted, the recording holds
@@ -316,7 +316,7 @@ class ComingChain(BlockChain):
         again: whether the source can be read again, so that an interrupted run can go on.
     """
 
-    planes: ComingPlanes = field(kw_only=True)
+    planes: LivePlanes = field(kw_only=True)
     recorder: Recorder = field(kw_only=True)
     again: bool = field(kw_only=True)
 

@@ -14,7 +14,7 @@ from cosim.plan.error import BrokenPromise
 from cosim.plan.paired import compare, windows, worst
 from cosim.run.progress import QuietProgress
 from scenarios.assemble.schema.loading import load
-from scenarios.assemble.source.latched.plan import Verifier, plan_run
+from scenarios.assemble.source.latched.plan import CameraCheck, plan_run
 from scenarios.assemble.source.latched.setup import set_up_camera
 from scenarios.report import write_report
 from sensor.latched.effects.dead_time import DEAD_TIME
@@ -74,7 +74,7 @@ def test_a_broken_promise_outlives_an_interruption(film, tmp_path, monkeypatch):
 
 def verifiers(
     device: Device, tolerance: float, *tiles: list[int], sets: tuple[str, ...] = ()
-) -> list[Verifier]:
+) -> list[CameraCheck]:
     """Checks of one plan on its own tiles and on these more, run to the end."""
     base = ("sensor.chip=spikeone", "duration=2.5 ms", "image.at=[50]", "sensor.dead_time=1 us")
     _, scenario = load("star", [*base, *sets])
@@ -83,7 +83,7 @@ def verifiers(
     seen = setup.survey
     plan = plan_run(seen, setting, tolerance, setup.spans, device)
     assert plan.plan.left_out
-    made = [Verifier(plan, setting, list({*plan.patches(1), *more}), device) for more in tiles]
+    made = [CameraCheck(plan, setting, list({*plan.patches(1), *more}), device) for more in tiles]
     source, relay = setup.source(), lens.relay(setting.chip.pitch)
     before, after = setting.reach
     for start in range(0, cycles, 64):
@@ -143,12 +143,12 @@ def test_what_is_broken_is_raised_at_the_window_that_shows_it(device, monkeypatc
     setting, lens = setup.setting, setup.lens
     plan = plan_run(setup.survey, setting, 1e-3, setup.spans, device)
     assert "PRNU" in plan.plan.left_out
-    verifier = Verifier(plan, setting, plan.patches(1), device)
+    check = CameraCheck(plan, setting, plan.patches(1), device)
     source, relay = setup.source(), lens.relay(setting.chip.pitch)
     with pytest.raises(BrokenPromise) as caught:
-        verifier.step(relay(source.step(None, Block(0, 64))), Block(0, 64))
+        check.step(relay(source.step(None, Block(0, 64))), Block(0, 64))
     (finding,) = caught.value.findings
-    assert finding.effect == "PRNU" and finding.tile in verifier.plane.tiles
+    assert finding.effect == "PRNU" and finding.tile in check.plane.tiles
     # The RMS over 256 pixels of a gain of spread 0.05, and its upper limit.
     assert 0.04 < finding.measured < 0.08 and finding.promised == 1e-9
 

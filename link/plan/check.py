@@ -37,11 +37,11 @@ from cosim.plan.error import CONFIDENCE, Measured
 from cosim.run.progress import Progress
 from cosim.run.result import Error
 from link.mode import Mode
+from link.plan.patches import Decided, LinkPatches, Variant
+from link.plan.plan import NEARLY, LinkPlan, half_width
 from link.sending import Transmission
 from link.setting import LinkSetting
 from link.theory import clopper_pearson, word_loss
-from link.trial.patches import Decided, LinkPatches, Variant
-from link.trial.plan import NEARLY, LinkPlan, half_width
 
 FEWEST: Final = 200
 """Smallest number of nearly wrong bits; with few bits the share is larger."""
@@ -321,7 +321,7 @@ def check_link(
         detector: name of the detector.
         seed: seed of the random patches.
         device: OpenCL device, None for numba.
-        progress: progress of the trial.
+        progress: progress of the check.
     """
     patches = LinkPatches(setting, sent, seed, detector)
     count = 0 if patches.plane is None else len(patches.plane.tiles)

@@ -243,7 +243,7 @@ def uncertainty(scene: LinkSummary, size: float, spikes: float, compared: Compar
     """Standard deviation of a check of an effect that changes nothing on average, in half-widths of
     the run's bit error rate.
 
-    The check counts bits that are nearly wrong, a share of all (`link.trial.check`). The charges of
+    The check counts bits that are nearly wrong, a share of all (`link.plan.check`). The charges of
     such a bit are near the threshold Q. A change of a charge by the share s moves its spike, where
     noise gives the charge a normal density of deviation n Q at the threshold, with the chance
     |s| / (n sqrt(2 pi)), and for a normal s of deviation `size` with size / (pi n). That share of

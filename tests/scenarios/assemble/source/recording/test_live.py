@@ -9,7 +9,7 @@ from cosim import Block, Clock, InputError
 from cosim.files import open_stream, write_stream
 from cosim.files.dat import DatStream
 from cosim.files.plane_order import PlaneOrder
-from scenarios.assemble.source.recording.coming import ComingPlanes, Lateness
+from scenarios.assemble.source.recording.live import Lateness, LivePlanes
 
 KHZ = Clock(1000)
 MS = 10**9
@@ -88,7 +88,7 @@ class Parts:
 
 
 def coming(origin, cycles=None, now=lambda: 0):
-    return ComingPlanes(origin, (8, 2), PlaneOrder(flip="none"), KHZ, cycles, 5 * MS, now)
+    return LivePlanes(origin, (8, 2), PlaneOrder(flip="none"), KHZ, cycles, 5 * MS, now)
 
 
 def test_planes_are_whole_whatever_the_pieces_and_no_more_is_taken_than_asked_for():

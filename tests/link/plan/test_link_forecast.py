@@ -15,8 +15,8 @@ import viform
 from cosim.plan.study import Spell
 from cosim.run.shown import SilentProgress
 from cosim.spikes.viform import words_for
+from link.plan.stages import StageTime, amounts, carried, stage_document
 from link.setup.setup import FileLinkSetup, set_up_link
-from link.trial.stages import StageTime, amounts, carried, stage_document
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.loading import linked, load
 
