@@ -52,7 +52,7 @@ ROOMS = {
     ),
     "display": (
         "drives", "panels", "observe", "effects quality references render", "probes setting window",
-        "core section trial", "camera", "chain stability", "report",
+        "core section plan", "camera", "chain stability", "report",
     ),
     "rtl_model": (
         "geometry prbs", "registers", "cycle readout", "verilated",
@@ -64,7 +64,7 @@ ROOMS = {
     ),
     "link": (
         "line_codes timing verdict", "mode", "layout", "coding detect", "receiving sending theory",
-        "section", "air stability", "setting", "prediction", "setup", "trial", "evaluation",
+        "section", "air stability", "setting", "prediction", "setup", "plan", "evaluation",
         "core report", "machine",
     ),
     "scenarios": ("scenes report", "assemble", "run", "python", "studies view", "cli"),

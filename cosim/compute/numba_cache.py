@@ -86,8 +86,13 @@ def tolerate() -> None:
 
     def _load_index(self: Any) -> Any:
         # numba reads no further than it needs: the sum at the end is not seen. An index that names
-        # no files is written anew.
-        return read_index(self) if _is_whole(Path(self._index_path)) else {}
+        # no files is written anew, and so is one with the type of a module that has moved since.
+        try:
+            return read_index(self) if _is_whole(Path(self._index_path)) else {}
+        except MemoryError:
+            raise
+        except Exception:
+            return {}
 
     def load(self: Any, key: Any) -> Any:
         name = self._load_index().get(key)

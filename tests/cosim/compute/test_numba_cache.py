@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +66,15 @@ def test_a_changed_callee_or_constant_is_compiled_anew(total: Any) -> None:
     assert total(10, 100) == (111, 1)
     assert total(20, 100) == (121, 0)
     assert total(20, 300) == (321, 0)
+    assert total(10, 100) == (111, 1)
+
+
+def test_an_index_with_a_type_of_a_module_that_has_moved_is_written_anew(total: Any) -> None:
+    assert total(10, 100) == (111, 0)
+    cache = sys.modules["viform_kept_caller"].total._cache._cache_file
+    named = pickle.dumps(cache._version) + b"cviform_moved\nThing\n."
+    Path(cache._index_path).write_bytes(named + hashlib.sha256(named).digest())
+    assert total(10, 100) == (111, 0)
     assert total(10, 100) == (111, 1)
 
 

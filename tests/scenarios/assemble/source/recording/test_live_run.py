@@ -21,7 +21,7 @@ from cosim.run.shown import SilentProgress
 from scenarios.assemble.behind.live import assemble_coming
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.messages import validate
-from scenarios.assemble.source.recording import coming
+from scenarios.assemble.source.recording import live
 from scenarios.report import write_report
 from scenarios.run import run_scenario
 
@@ -369,7 +369,7 @@ class Noting(SilentProgress):
 
 
 def test_the_progress_has_the_planes_received_and_their_rate(recorded, tmp_path, monkeypatch):
-    monkeypatch.setattr(coming, "_TOLD_S", 0.0)
+    monkeypatch.setattr(live, "_TOLD_S", 0.0)
     progress = Noting()
     run(scenario(f"pipe:{piped(recorded[1], tmp_path)}"), tmp_path / "run", progress)
     assert progress.texts[-1].startswith("a: 150 planes received at ")
