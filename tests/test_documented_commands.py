@@ -112,7 +112,7 @@ CARRIED = _sets(
     "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
     "code.cycles=64", "code.tile=8",
 )  # fmt: skip
-CARRIER = _sets(
+STREAM_LINK = _sets(
     "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
     "link.sensor.threshold=1000 e", "code.cycles=64", "code.tile=8",
 )  # fmt: skip
@@ -285,7 +285,7 @@ def _small(text: str, change: Change) -> str:
             sized = re.sub(r"--set sensor\.(width|height)=\d+", "", sized)
         text = f"{text} {sized}"
     if words[1] == "run" and "link.distance" in text and scenario != "light-link":
-        text += f" {CARRIER}"
+        text += f" {STREAM_LINK}"
     if words[1] == "board" and "--port virtual" in text and "--level" not in text:
         text += " --level model" if words[2] not in ("identify", "regs") else ""
     return text

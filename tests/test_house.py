@@ -523,17 +523,17 @@ def test_a_circle_of_deep_rooms_is_found_also_through_an_import_inside_a_functio
     write_house(tmp_path)
     said = {
         "assemble/__init__": "",
-        "assemble/show/a": "from scenarios.assemble.carrier.b import X\n",
-        "assemble/carrier/b": "X = 1\n",
-        "assemble/carrier/c": "def f():\n    from scenarios.assemble.show.d import X\n",
-        "assemble/show/d": "X = 1\n",
+        "assemble/behind/a": "from scenarios.assemble.source.b import X\n",
+        "assemble/source/b": "X = 1\n",
+        "assemble/source/c": "def f():\n    from scenarios.assemble.behind.d import X\n",
+        "assemble/behind/d": "X = 1\n",
     }
     for name, text in said.items():
         place = tmp_path / "scenarios" / f"{name}.py"
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(f'"""A module."""\n{text}')
     assert crooked_rooms(tmp_path) == [
-        "scenarios.assemble.carrier scenarios.assemble.show: rooms must not import in a circle"
+        "scenarios.assemble.behind scenarios.assemble.source: rooms must not import in a circle"
     ]
 
 

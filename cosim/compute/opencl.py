@@ -42,9 +42,9 @@ _PACKAGES = ("pocl-opencl-icd", "ocl-icd-libopencl1")
 INSTALL = f"apt-get install {' '.join(_PACKAGES)}"
 
 _KERNELS = 32 << 20
-"""Bytes that the compiler may write for a run: some tens of kernels, each with its stages."""
+"""Free disk space that the compiler needs for a run, bytes: it writes some tens of kernels."""
 _FILE = 2 << 20
-"""Bytes that a file of the compiler may have; those of our kernels have up to 0.2 MiB."""
+"""Largest file that the compiler must be able to write, bytes; ours have up to 0.2 MiB."""
 _LOCAL_GPU = 64
 """Work-items of a work-group on a GPU; 32 and 128 differ by 1 %."""
 _PROBE = """
@@ -271,13 +271,13 @@ class Device:
         return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
 
     def room(self, size: int) -> Any:
-        """A device buffer of `size` bytes with any content."""
+        """An uninitialised device buffer of `size` bytes."""
         import pyopencl as cl
 
         return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, size)
 
     def memory(self, size: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        """Memory of the host, (size,) with any values: for a GPU such that its driver need not copy
+        """Memory of the host, (size,), uninitialised: for a GPU such that its driver need not copy
         it once more (H200: 54 instead of 14 GB/s)."""
         import pyopencl as cl
 
@@ -285,8 +285,8 @@ class Device:
             return np.empty(size, dtype)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.ALLOC_HOST_PTR
         pinned = cl.Buffer(self.context, flags, size * np.dtype(dtype).itemsize)
-        kept = np.dtype(dtype)
-        array, _ = cl.enqueue_map_buffer(self.queue, pinned, cl.map_flags.WRITE, 0, (size,), kept)
+        kind = np.dtype(dtype)
+        array, _ = cl.enqueue_map_buffer(self.queue, pinned, cl.map_flags.WRITE, 0, (size,), kind)
         return array
 
     def share(self, array: npt.NDArray[Any], *, write: bool = False) -> Any:

@@ -21,7 +21,9 @@ Regions = tuple[Mask, Mask]
 PAPER, WHITE, BLACK = 0.5, 0.9, 0.02
 """Reflectances: grey card, barium sulphate paint and flock, rounded; assumed."""
 STEPS: Final = 8
+"""Number of grey steps."""
 CHARTS: Final = ("night", "bars", "landolt", "steps", "discs")
+"""Names of the charts; "night" has bars, rings and steps on one sheet."""
 
 _BARS: Final = (0.05, 0.03, 0.02, 0.0125, 0.008)
 """Widths of a bar in the five groups."""
@@ -33,8 +35,8 @@ _RINGS: Final = (0.16, 0.1, 0.06, 0.036)
 """Diameters of the rings. Gap and line are a fifth of the diameter (ISO 8596:2017)."""
 _DISCS: Final = ((0.322, 0.42, 0.11), (0.70, 0.70, 0.07), (0.78, 0.25, 0.04), (0.25, 0.80, 0.05),
                  (0.55, 0.12, 0.02))  # fmt: skip
-"""Row, column, radius. The largest disc lies in rows 101 to 228 of 512, the window that the paper
-on the EMCCD uses for its largest spot."""
+"""Row and column of the middle, radius. The largest disc lies in rows 101 to 228 of 512, the window
+that the paper on the EMCCD (003 of `docs/paper.md`) uses for its largest spot."""
 
 
 class _Sheet:

@@ -1,6 +1,7 @@
 """The stage of a camera that films the panel, plane by plane.
 
-Banding of a rolling shutter: measured from a picture, and in closed form for pulses.
+This file also covers banding of a rolling shutter: measured from a picture, and in closed form for
+pulses.
 
 Rows begin one after another, so a row sees the light at its own phase. With pulses of the period P
 that last d P, an exposure T = (m + u) P collects m d P, and the overlap of a pulse with a window

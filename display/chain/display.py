@@ -1,6 +1,7 @@
 """The display in the chain of a run: panel, renderer, observers and reference displays.
 
-The panel as the last stage of a run: a renderer and the observers of its light.
+This file also covers the panel as the last stage of a run: a renderer and the observers of its
+light.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The interface of drives, by which a pixel of a spike-continuous panel converts spikes to
 light.
 
-Drives that hold the rate of the last interval: the balance of their light, and its statistics.
+This file also covers drives that hold the rate of the last interval: the balance of their light,
+and its statistics.
 
 The rate 1 / tau is a biased estimate: a short interval is held for the longer one that follows, so
 its mean over time exceeds the mean rate (at 0.6 spikes a cycle it is 0.7). A drive of this kind

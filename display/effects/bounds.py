@@ -1,13 +1,14 @@
 """The bound of a change of light that follows from a change of an observer's weights.
 
-Costs of a display's effects, ns per pixel and plane. They set the order in which the planner
-leaves effects out.
+This file also covers the costs of a display's effects, ns per pixel and plane. They set the order
+in which the planner leaves effects out.
 
 Measured with the GL renderer on two cores (llvmpipe, 1000 x 1000): one draw for each plane 336
 planes/s, spans of 8 planes 9.4 k, of 64 planes 12 k. As in `sensor/latched/effects/effect.py`, the
 costs are constants and are not measured on the current machine.
 
-Statistics of the light of a tile on a panel: its fluctuation and its changes over its mean.
+This file also covers the statistics of the light of a tile on a panel: its fluctuation and its
+changes over its mean.
 
 Light is in packets Q a cycle, so its mean is the spike rate r. The latch delays spikes to clock
 edges, and noise of relative spread s shifts them. Times are in planes (cycles).

@@ -4,7 +4,7 @@ The model of an observer is the weight and the position with which its images in
 neural delay is the same for every display and is left out: the image of the instant T integrates
 light around T.
 
-The temporal response of the eye, shared by its sensitivity and its images.
+This file also covers the temporal response of the eye, shared by its sensitivity and its images.
 """
 
 from __future__ import annotations

@@ -3,9 +3,10 @@
 Radiance is relative: 1 is the white of the panel, with `luminance` cd/m2. A spike-continuous panel
 has no frames: each pixel follows its own spikes, plane by plane of the stream.
 
-The relaxation of an emitter within a part of a plane, as constants for a shader.
+This file also covers the relaxation of an emitter within a part of a plane, as constants for a
+shader.
 
-Maps a stream to a panel of another size.
+This file also maps a stream to a panel of another size.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Percent flicker is (max - min) / (max + min). The flicker index is the area abov
 total area (both from the IES lighting handbook, over whole periods). IEEE 1789 limits the
 modulation, in percent, depending on its frequency: see `LIMITS`.
 
-The stroboscopic effect visibility measure (SVM) of a light waveform.
+This file also covers the stroboscopic effect visibility measure (SVM) of a light waveform.
 
 SVM = (sum of (C_m / T(f_m))^3.7)^(1 / 3.7) over the components from 80 to 2000 Hz, where C_m is the
 amplitude of a component over the mean and T the threshold contrast of a sine. Above 1, an average
@@ -12,16 +12,17 @@ observer perceives moving objects in steps; the EU limit for lamps is 0.4 (Regul
 The method is that of IEC TR 63158, after Perz et al., Lighting Res. Technol. 47:281, 2015. No
 citable source was found for the constants of T; with them, the threshold at 100 Hz is 0.26.
 
-Visibility of flicker by the temporal contrast sensitivity function elaTCSF.
+This file also covers visibility of flicker by the temporal contrast sensitivity function elaTCSF.
 
 elaTCSF (Cai et al., SIGGRAPH Asia 2024) gives the sensitivity at a point of the visual field by
 frequency, eccentricity and luminance, and pools it over the flickering area. It is defined for one
 frequency; here the components of a waveform are combined as the root of the sum of squares, which
 does not depend on the duration for noise. This combination is assumed.
 
-All flicker figures of a waveform, from one spectrum.
+This file also covers all flicker figures of a waveform, from one spectrum.
 
-The spectrum of a light waveform as components, with the leakage of each line added to it.
+This file also covers the spectrum of a light waveform as components, with the leakage of each line
+added to it.
 
 The window is a Hann window. Bins between two local minima of the spectrum form a group. By
 Parseval's theorem, the energy of a group is that of its line, for any frequency between two bins

@@ -3,7 +3,8 @@
 The text is in drive.frag and observe.frag; each drive provides the expression of its level. This
 file adds the switches and the calls for each plane.
 
-Pieces of a block: the planes of one draw call, with the images that they contribute to.
+This file also covers pieces of a block: the planes of one draw call, with the images that they
+contribute to.
 """
 
 from __future__ import annotations

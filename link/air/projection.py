@@ -7,7 +7,8 @@ a pixel is applied afterwards on the camera's grid. A shift of the image (vibrat
 Deviation from direct integration (tests/link/air/golden.py), at 0.3 to 4 camera pixels for each
 panel pixel and any rotation: 0.012 of white RMS, 0.05 at the worst pixel.
 
-Sum of four by four taps in vector instructions: one multiplication for each row of taps.
+This file also covers the sum of four by four taps in vector instructions: one multiplication for
+each row of taps.
 
 Numba has no vectors of its own, so the instructions are stated to its compiler.
 """

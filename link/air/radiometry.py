@@ -3,7 +3,7 @@
 A resolved surface of luminance L gives pi L T / (4 N^2 (v / f)^2) lux at any distance (Ray, Applied
 Photographic Optics, 3rd ed., 2002), with v / f = 1 + m in focus. The cos^4 law is not modelled.
 
-Fog: attenuation, airlight and forward scattering.
+This file also covers fog: attenuation, airlight and forward scattering.
 
 The extinction coefficient a follows from visibility by Kim's or Kruse's law
 (`link.theory.air`). Light that reaches the lens through optical thickness t = a d is L e^-t
@@ -14,7 +14,8 @@ of the light that they remove (van de Hulst, Light Scattering by Small Particles
 8.3), so h = t e^-t / 2. H is L blurred by the diffraction of drops of 10 um (assumed; radiation fog
 has 4 to 40 um), with a Gaussian that fits the Airy core.
 
-The sun in or near the field of view: its disc on the sensor, and its glare in the lens.
+This file also covers the sun in or near the field of view: its disc on the sensor, and its glare in
+the lens.
 """
 
 from __future__ import annotations

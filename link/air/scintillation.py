@@ -17,7 +17,8 @@ J0(q u (1 - x)), u = s sqrt(k / L). A disc of sources averages as a lens does, b
 / (q e (1 - x)))^2: by reciprocity lens and disc can be exchanged. `patch_side` turns this into
 square patches of the panel, uniform within and mutually independent.
 
-Patches of the panel with independent scintillation of the same law and correlation time.
+This file also covers patches of the panel with independent scintillation of the same law and
+correlation time.
 
 Patch n (row by row) at symbol t draws two normal numbers with counter (n, 0, t, 0), so its factor
 depends only on the seed, n and t. Patches have edges, unlike real air. The law at a point, its

@@ -1,6 +1,7 @@
 """Parameters of the path from the panel's pixels to the camera's.
 
-Names of the effects between panel and camera, and a link without some of them.
+This file also covers the names of the effects between panel and camera, and a link without some of
+them.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ block. All of this is checked before (`codable`, `Gathering.put`), and the decod
 CRC. A panic is then a fault of the library; the calls that compute are `muted`, so that it tells of
 it in our line alone.
 
-Calls whose own lines on standard error nobody is to see.
+This file also covers calls into libraries whose lines on standard error are hidden.
 
 A fault of a library in Rust arrives as an exception, but the library writes its lines to descriptor
 2 before, and only Rust code could stop it. To point the descriptor elsewhere for the time of a call
@@ -17,7 +17,7 @@ no pipe and no file stays open for the time of the call. The thread ends with th
 fork would lose one that waits for the next. A child process would do as well, but takes 50 ms to
 start and holds the data twice.
 
-File names that are safe to write, whatever their origin.
+This file also covers file names that are safe to write, whatever their origin.
 """
 
 from __future__ import annotations

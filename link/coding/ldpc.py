@@ -9,7 +9,8 @@ b // 8.
 The decoder is layered min-sum in eight bits. It ends as soon as all checks hold. Its three forms
 give the same bits: numpy (`link.coding.ldpc_decoding`), compiled, OpenCL.
 
-The base graphs of the low-density parity-check codes of 3GPP TS 38.212 (5G NR), version 18.
+This file also covers the base graphs of the low-density parity-check codes of 3GPP TS 38.212 (5G
+NR), version 18.
 
 A base graph has a row for each group of Z checks and a column for each group of Z bits, Z the
 lifting size. An edge of the graph with the value V is the Z x Z identity matrix, whose columns are
@@ -21,7 +22,7 @@ line: row, column, V of the sets 0 to 7. They were read from the data of sionna 
 with those of neoradium 0.5.3; the one edge of the 513 that differed, row 6, column 0 of graph 1
 (158 and 80 in the sets 3 and 4), was settled by a third copy.
 
-Low-density parity-check words, encoded, compiled, 64 bits at a time.
+This file also covers low-density parity-check words, encoded, compiled, 64 bits at a time.
 
 Codes are `link.coding.ldpc`.
 """

@@ -1,10 +1,12 @@
 """The common half of all receivers: soft values of groups become frames.
 
-What decodes the words of a block: from the soft values of its groups to data.
+This file also covers the decoders of the words of a block: from the soft values of its groups to
+data.
 
-Reading of Reed-Solomon words: the line code's values, the least certain of them erased.
+This file also covers the reading of Reed-Solomon words: the line code's values, the least certain
+of them erased.
 
-Reading of LDPC words from soft values of bits.
+This file also covers the reading of LDPC words from soft values of bits.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ a word. With interleaving, bit b of word w is at place w + p(b) words of the row
 that keeps neighbours apart: a small obstacle before the panel takes a few bits of every word, and a
 wide one bits of all columns of the graph, which could not find two whole columns.
 
-The loops of blocks with soft decisions, compiled: from the soft values of cells to those of
-words, and from decoded words back to the bits that were wrong.
+This file also covers the loops of blocks with soft decisions, compiled: from the soft values of
+cells to those of words, and from decoded words back to the bits that were wrong.
 
 Rows and words are those above.
 """

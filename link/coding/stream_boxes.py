@@ -1,10 +1,9 @@
-"""The two ends of a stream of packets: frames that are made as the panel needs them.
+"""Both ends of a stream of packets (`StreamOutbox`, `StreamInbox`), and the frames between them.
 
-Frames of a stream of packets: numbered pieces of an endless row of bytes.
-
-Each packet stands in the row behind its length (4 bytes). A frame carries the next piece of the
-row, and says where in it the first packet begins, so that a receiver that lacks the frame before,
-or joins late, finds the next packet.
+The packets form one endless byte stream, in which each stands behind its length (4 bytes). A frame
+carries the next piece of the byte stream, and says where in it the first packet begins, so that a
+receiver that lacks the frame before, or joins late, finds the next packet. Frames are made when the
+panel needs them.
 
 | bytes | content |
 |---|---|
@@ -12,9 +11,9 @@ or joins late, finds the next packet.
 | 1 | version |
 | 1 | 0 |
 | 4 | number of the frame, from 0 |
-| 2 | bytes of the row in the frame |
+| 2 | length T of the piece in the frame, bytes |
 | 2 | place of the first packet that begins in the frame, 65535 for none |
-| T | piece of the row, then zeros |
+| T | piece of the byte stream, then zeros to the end of the frame |
 | 4 | CRC-32C of all preceding bytes |
 
 Numbers are little-endian.
@@ -48,11 +47,11 @@ _NONE: Final = 0xFFFF
 
 @dataclass(frozen=True)
 class StreamFrame:
-    """A frame.
+    """A frame of the table above.
 
     Attributes:
-        number: number of the frame.
-        piece: bytes of the row.
+        number: number of the frame, modulo 2^32.
+        piece: piece of the byte stream.
         begin: place in `piece` of the first packet that begins in it, None for none.
     """
 
@@ -62,7 +61,7 @@ class StreamFrame:
 
 
 def room_in(size: int) -> int:
-    """Bytes of the row that a frame of `size` bytes has room for."""
+    """Bytes of the byte stream that a frame of `size` bytes has room for."""
     return min(size - _HEAD.size - _CRC.size, _NONE - 1)
 
 
@@ -89,8 +88,8 @@ def read_stream_frame(data: npt.NDArray[np.uint8]) -> StreamFrame | None:
     return StreamFrame(number, piece, None if begin == _NONE else begin)
 
 
-class PacketRow:
-    """Takes packets out of the pieces of a row, in order.
+class PacketParser:
+    """Takes packets out of the pieces of a byte stream, in order.
 
     Attributes:
         lost: frames that did not arrive between two that did.
@@ -99,7 +98,7 @@ class PacketRow:
     def __init__(self) -> None:
         self._held = b""
         self._next: int | None = None
-        self._in_step = False
+        self._synchronised = False
         self.lost = 0
 
     def put(self, frame: StreamFrame) -> list[bytes]:
@@ -109,12 +108,12 @@ class PacketRow:
             return []
         missing = 0 if self._next is None else frame.number - self._next
         self.lost += missing
-        self._in_step = self._in_step and not missing
+        self._synchronised = self._synchronised and not missing
         self._next = frame.number + 1
-        if self._in_step:
+        if self._synchronised:
             self._held += frame.piece
         elif frame.begin is not None:
-            self._held, self._in_step = frame.piece[frame.begin :], True
+            self._held, self._synchronised = frame.piece[frame.begin :], True
         else:
             self._held = b""
         return self._packets()
@@ -124,8 +123,8 @@ class PacketRow:
         at = 0
         while len(self._held) - at >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(self._held, at)
-            if length > LONGEST_PACKET:  # not a row of ours, or CRC-32C has failed
-                self._held, self._in_step = b"", False
+            if length > LONGEST_PACKET:  # not a stream of ours, or CRC-32C has failed
+                self._held, self._synchronised = b"", False
                 return packets
             if len(self._held) - at - _LENGTH.size < length:
                 break
@@ -135,8 +134,8 @@ class PacketRow:
         return packets
 
 
-def in_row(packet: bytes) -> bytes:
-    """A packet as it stands in the row. Raises ValueError for one that is too long."""
+def with_length(packet: bytes) -> bytes:
+    """A packet behind its length, as in the byte stream. Raises ValueError if it is too long."""
     if len(packet) > LONGEST_PACKET:
         raise ValueError(f"a packet must have at most {LONGEST_PACKET} bytes, not {len(packet)}")
     return _LENGTH.pack(len(packet)) + packet
@@ -145,6 +144,7 @@ def in_row(packet: bytes) -> bytes:
 _KEPT: Final = 8
 """Number of blocks whose bytes are stored: a run that resumes shows the last ones again."""
 State = dict[str, npt.NDArray[Any]]
+"""Arrays of a checkpoint, by name."""
 
 
 def stream_blocks(layout: Layout, interleave: bool = True) -> Blocks:
@@ -202,7 +202,7 @@ class StreamOutbox(BlockWriter):
             packet = self._ready(block)
             if packet is None:
                 break
-            parts.append(in_row(packet))
+            parts.append(with_length(packet))
             held += len(parts[-1])
         row = b"".join(parts)
         self._rest = row[size:]
@@ -268,13 +268,13 @@ class StreamInbox(BlockReader):
         self, layout: Layout, *, interleave: bool = True, device: Device | None = None
     ) -> None:
         super().__init__(stream_blocks(layout, interleave), device)
-        self._row = PacketRow()
+        self._parser = PacketParser()
         self.arrivals: list[Arrival] = []
 
     @property
     def frames_lost(self) -> int:
         """Frames that did not arrive between two that did."""
-        return self._row.lost
+        return self._parser.lost
 
     def _take(self, block: int, frames: Sequence[Bytes | None]) -> list[bool]:
         right = []
@@ -283,5 +283,5 @@ class StreamInbox(BlockReader):
             frame = None if data is None else read_stream_frame(data)
             right.append(frame is not None)
             if frame is not None:
-                self.arrivals += [Arrival(last, packet) for packet in self._row.put(frame)]
+                self.arrivals += [Arrival(last, packet) for packet in self._parser.put(frame)]
         return right

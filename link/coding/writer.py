@@ -1,6 +1,6 @@
 """The common half of all senders: frames become the values of cells, group by group.
 
-The blocks of a layout, by the code of its mode.
+This file also covers the blocks of a layout, by the code of its mode.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Calibration of soft values, from decisions on known symbols.
+"""Calibration of soft values (log likelihood ratios of bits) on known symbols.
 
 The values of a cell's pixels and ticks are added as if their errors were independent. But the
 neighbouring cells illuminate all of them, so the sum is too large. One factor on all soft values
@@ -21,26 +21,27 @@ _SURE: Final = 30.0
 _PRIOR, _AT = 4.0, 2.0
 """Prior: _PRIOR correct soft values of magnitude _AT at factor 1."""
 _ENOUGH: Final = 400_000
-"""Number of soft values, about, that are used: the factor's error is then some thousandths, where
-one value of a hundred is wrong."""
+"""Approximate number of soft values that are used. With one wrong value in a hundred, the factor's
+error is then some thousandths."""
 _HALVINGS: Final = 24
+"""Bisection steps: the factor is then exact to 6e-8."""
 
 
-def confidence(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> float:
-    """Factor that makes soft values match their error rate.
+def scaling_factor(soft: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]) -> float:
+    """Factor in [0.1, 1] by which soft values match their error rate.
 
     Args:
-        soft: log likelihood ratios ln P(spikes | on) - ln P(spikes | off).
-        known: the bits, of the same shape.
+        soft: array of log likelihood ratios, of any shape: ln P(spikes | on) - ln P(spikes | off).
+        known: the bits, True for on, of the same shape.
     """
     some = slice(None, None, max(soft.size // _ENOUGH, 1) | 1)  # odd: in all symbols
-    right, known = soft.ravel()[some].astype(np.float64), known.ravel()[some]
-    right[~known] *= -1
-    right = right[right < _SURE]
+    signed, known = soft.ravel()[some].astype(np.float64), known.ravel()[some]
+    signed[~known] *= -1  # now positive where the decision is correct
+    signed = signed[signed < _SURE]
 
     def slope(factor: float) -> float:
         """Derivative of the log likelihood, which is concave, by the factor."""
-        gradient = (right / (1 + np.exp(np.clip(factor * right, -500, 500)))).sum()
+        gradient = (signed / (1 + np.exp(np.clip(factor * signed, -500, 500)))).sum()
         p, at = 1 / (1 + np.exp(-_AT)), 1 / (1 + np.exp(-_AT * factor))
         return float(gradient + _PRIOR * _AT * (p - at))
 

@@ -1,6 +1,7 @@
 """Capacity and achievable information of a link over distance, light and cell.
 
-Information that a link's cells carry, by simulation: an achievable figure beside the bound.
+This file also covers the information that a link's cells carry, by simulation: an achievable figure
+beside the bound.
 
 A strip of the panel shows random bits through the link's air and camera (`link.setup.pilot`). The
 detector's soft values give the generalised mutual information of a bit, which a code that decides

@@ -1,6 +1,6 @@
 """The metrics of a link's run.
 
-The share of words and frames that a run of an LDPC mode is expected to lose.
+This file also covers the share of words and frames that a run of an LDPC mode is expected to lose.
 
 It follows from the information of the run's soft values, as `link.theory.words` has it for
 signs in white noise. It is not known

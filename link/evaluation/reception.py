@@ -1,6 +1,6 @@
 """The receiver on a run's recording: its only input is the spikes.
 
-Delivery of the received file, and the verdict.
+This file also covers the delivery of the received file, and the verdict.
 """
 
 from __future__ import annotations

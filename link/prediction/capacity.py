@@ -1,6 +1,6 @@
 """The capacity of a link: the limits of its light, pixels and ticks, and what it uses of them.
 
-Input of the capacity of a link, from its scenario.
+This file also covers the input of the capacity of a link, from its scenario.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ detected twice, as if no pixel had fired in these ticks, and as if all had: the 
 values is small where the missing ticks decide, and other ticks keep what they tell. Leaving out the
 missing ticks alone is not enough, since the laws of the next ticks depend on whether a pixel fired.
 
-The classes of phase that a detector has learned, and those that it will need.
+This file also covers the classes of phase that a detector has learned, and those that it will need.
 
 A detector with tables has laws for each class of the phase at which symbols begin in a tick. As
 the phase drifts, each row of the camera comes into the next class at a symbol of its own. Its laws

@@ -1,6 +1,7 @@
 """The result of a receiver.
 
-Soft values of some cells over the symbols of a transmission, and a sample of all.
+This file also covers the soft values of some cells over the symbols of a transmission, and a sample
+of all.
 
 All soft values of a recording are too many to store: a megapixel panel gives a million with every
 symbol. Watched are cells of a lattice over the panel, which stand for all, and the least certain

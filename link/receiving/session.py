@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.run.progress import Progress, QuietProgress
-from link.detect.calibration import confidence
+from link.detect.calibration import scaling_factor
 from link.detect.catalogue import make_detector
 from link.detect.detector import Detector
 from link.detect.joint import Joint
@@ -320,7 +320,7 @@ class Session:
             learn_known(detector, recording, self.timing, known, begin)
             if self._confidence is None and begin < TRAINING:
                 soft = detector.soft(recording.words, recording.first, begin, len(known))
-                self._confidence = confidence(soft, known)
+                self._confidence = scaling_factor(soft, known)
             self.progress.tell(f"receiver: {self.detector_name}")
         else:
             begin = int(np.ceil((max(lit[0], recording.first) - self.timing.first)

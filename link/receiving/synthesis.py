@@ -6,7 +6,7 @@ tick. So the charge of about a thousand pixels is computed from the known cells 
 phase, the light's level and its background are those that maximise the likelihood of the observed
 spikes. The prediction for a pixel uses its spikes so far, so that errors do not accumulate.
 
-The homography from known symbols, with every cell of the panel as a mark.
+This file also covers the homography from known symbols, with every cell of the panel as a mark.
 
 The spikes of about a thousand pixels are modelled from the known cells around them (as for the
 timing), with the image shifted slightly to each side. The change of the likelihood of each pixel's

@@ -1,8 +1,9 @@
 """The report's section on raw bit errors: theory, eye diagram and soft values.
 
-Soft values of single cells for the explorer in a page, with what was sent and when.
+This file also covers soft values of single cells for the explorer in a page, with what was sent and
+when.
 
-The report's section on errors by cell.
+This file also covers the report's section on errors by cell.
 """
 
 from __future__ import annotations

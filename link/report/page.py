@@ -1,6 +1,6 @@
 """The report page of a link's run.
 
-How the camera's clock was locked, for reports: a figure and its section.
+This file also covers how the camera's clock was locked, for reports: a figure and its section.
 """
 
 from __future__ import annotations

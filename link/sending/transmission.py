@@ -1,8 +1,9 @@
 """Data on a panel: symbols on cells, cells and tags on pixels, pixels in words.
 
-The four AprilTags in the panel's corners, which give its position and its mode.
+This file also covers the four AprilTags in the panel's corners, which give its position and its
+mode.
 
-A transmission as a spike stream, for files and panels.
+This file also covers a transmission as a spike stream, for files and panels.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ electrons, so the channel has a finite number of states, and its stationary dist
 linear equations. Shot noise only: no threshold noise, no crosstalk, and light that changes at tick
 edges only.
 
-Distribution of a pixel's spikes over a few ticks of varying light, with hard reset: closed form.
+This file also covers the distribution of a pixel's spikes over a few ticks of varying light, with
+hard reset: closed form.
 
 Between resets charge only grows. A pixel that was emptied before tick i has therefore not spiked by
 the end of tick j if and only if the electrons of i to j are fewer than its threshold: a renewal

@@ -1,6 +1,7 @@
 """Word error rates of a Reed-Solomon code of bytes, under independent errors and under bursts.
 
-Word error rates of the link's low-density parity-check codes, against the information of a bit.
+This file also covers the word error rates of the link's low-density parity-check codes, against the
+information of a bit.
 
 There is no closed form of them. Here the share of failed words is taken for the probability that
 the information of a word's bits, which is normally distributed, falls short of what the code needs:
@@ -10,7 +11,7 @@ shorter words spread wider, as the root of their length. What channels of equal 
 in is neglected, as in the mutual information models of link simulation (Brueninghaus and others,
 PIMRC 2005).
 
-The share of words that a mode's code cannot correct, for a bit error rate.
+This file also covers the share of words that a mode's code cannot correct, for a bit error rate.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Runs one stage of the bring-up within a time limit, and examines the line meanwhile.
 
-Options of a bring-up, and its end, over any line.
+This file also covers the options of a bring-up, and its end, over any line.
 
-Detects a restart of the board by its uptime. A restart explains all other faults of a stage.
+This file also detects a restart of the board by its uptime. A restart explains all other faults of
+a stage.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The pixel array with its pattern memory, scanned by the compiled kernel.
 
-Tiles of the pixel array: `lanes` pixels of one row, computed in one clock.
+This file also covers tiles of the pixel array: `lanes` pixels of one row, computed in one clock.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Expected planes of a burst with constant registers, in numpy, one frame at a time.
 
-The board's pixel in numpy, bit-exact: electrons of the pattern, and one tick.
+This file also covers the board's pixel in numpy, bit-exact: electrons of the pattern, and one tick.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 Clock n is the n-th rising edge after reset, and "at clock n" means before that edge. A bus access
 is strobed at an edge. A write affects later edges. A read returns the value before its edge.
 
-The board's counters of the serial line; a reset of the board does not clear them.
+This file also covers the board's counters of the serial line; a reset of the board does not clear
+them.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Names are those of the Verilog. A clock is computed from the registers before the edge, and all
 registers change at its end.
 
-Size of one event path: the parameters of its Verilog.
+This file also covers the size of one event path: the parameters of its Verilog.
 """
 
 from __future__ import annotations

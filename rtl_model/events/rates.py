@@ -1,8 +1,8 @@
 """What an event path carries, measured on its cycle model: bits beside the raw stream, losses, and
 the rate of spikes at which the queue overflows.
 
-Spikes for measurements and comparisons of the event path, and a receiver that is not always
-ready.
+This file also covers spikes for measurements and comparisons of the event path, and a receiver that
+is not always ready.
 """
 
 from __future__ import annotations

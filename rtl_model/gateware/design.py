@@ -1,8 +1,9 @@
 """One build for one target: its geometry, its BUILD, and the files of its folder.
 
-Error of a baud that is derived from a clock by an integer divider.
+This file also covers the error of a baud that is derived from a clock by an integer divider.
 
-Block RAMs of a build in closed form, and reduction of its memories to the size of a device.
+This file also covers the block RAMs of a build in closed form, and reduction of its memories to the
+size of a device.
 
 Each memory of the Verilog has one write and one read port and is placed in block RAM. A block of 18
 kbit has one of the shapes below. They are the same for an ECP5 (Lattice FPGA-DS-02012, sysMEM block
@@ -10,9 +11,9 @@ configurations) and for half a 36 kbit block of the 7 series (Xilinx UG473, simp
 bits of a memory are divided into columns of blocks, with the shapes that need the fewest blocks.
 Tests show that yosys 0.23 needs the same number. Another tool may need more.
 
-Constraint files, with pins and clocks: Lattice's .lpf and Xilinx's .xdc.
+This file also covers constraint files, with pins and clocks: Lattice's .lpf and Xilinx's .xdc.
 
-Writes the folder of a design atomically.
+This file also writes the folder of a design atomically.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The top module of a target: viform_board with clock, power-on reset, serial line and LED.
 
-The top module of a target with Ethernet: LiteEth's core, viform_ethernet, clock, reset, LED.
+This file also covers the top module of a target with Ethernet: LiteEth's core, viform_ethernet,
+clock, reset, LED.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 The host must send the logged requests. At the first difference LineFault DIFFERS states what the
 host sent, what the log contains, and the line.
 
-The events in a log of the line, as `LineLog` writes them, and the reader that checks them.
+This file also covers the events in a log of the line, as `LineLog` writes them, and the reader that
+checks them.
 """
 
 from __future__ import annotations

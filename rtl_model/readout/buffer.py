@@ -11,7 +11,8 @@ Lost rows, fill and delays depend on the times alone, not on the light. All numb
 are integer picoseconds, and the fill counts 1e-9 bit, of which a link of b kbit/s takes b in a
 picosecond. The section [readout] therefore has whole kbit/s.
 
-What a link behind the row scan must carry, in closed form, and what one that is slower loses.
+This file also covers what a link behind the row scan must carry, in closed form, and what one that
+is slower loses.
 
 Of R rows of 1024 bit a scan, each in tau = 25 ns, at b bit/s: a buffer that was empty at the first
 row holds (n + 1) 1024 - n b tau bits when row n has begun, for b up to the rate of the chip. All

@@ -1,6 +1,7 @@
 """The stage behind a latched chip: row scan, buffer and link, and what the host gets.
 
-The file of bytes that a host gets, written in parts, over the interruptions of a run.
+This file also covers the file of bytes that a host gets, written in parts, over the interruptions
+of a run.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 PORT of a serial line is a device, a URL of pyserial, or `virtual`. The simulator is only imported
 for a virtual board.
 
-Stepping of a board: exactly as many frames as requested.
+This file also covers the stepping of a board: exactly as many frames as requested.
 
 A frame starts when `sensor_run` is 1 and no frame is in progress. A started frame is completed. The
 host writes 1 and then 0 in one packet, and the tick is longer than a word on the line. Such a pulse

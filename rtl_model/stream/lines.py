@@ -1,6 +1,7 @@
 """A sensor's data lanes to tiles (`viform_lane.v`, `viform_lines.v`), edge by edge.
 
-A sensor's side of its data lanes: rows as lane words, and faults of a lane in bits.
+This file also covers a sensor's side of its data lanes: rows as lane words, and faults of a lane in
+bits.
 
 Each lane carries eight columns of every tile, one word (eight bits, the earliest in bit 0) a clock:
 the training word in pauses, and for a row the marker, the row's head, the bits and a CRC-8.

@@ -1,10 +1,12 @@
 """Runs the Verilog of a source with its stream beside the cycle model, on the same inputs.
 
-The cycle models behind the pins of the Verilog: one row of numbers a clock in, one out.
+This file also covers the cycle models behind the pins of the Verilog: one row of numbers a clock
+in, one out.
 
 The columns are those of `verilated.COLUMNS`, and the inputs those of the shims.
 
-The Verilog of a source with its stream, stepped with one row of numbers a clock.
+This file also covers the Verilog of a source with its stream, stepped with one row of numbers a
+clock.
 """
 
 from __future__ import annotations

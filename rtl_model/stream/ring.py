@@ -30,7 +30,8 @@ class Beat(NamedTuple):
     """A transfer of the stream.
 
     Attributes:
-        data: `TDATA`: a head, or the bits of a tile.
+        data: `TDATA`: a head (number of the plane modulo 2^20 in bits 31:12, row in bits 11:0), or
+            the bits of a tile.
         last: `TLAST`: last beat of a row.
         user: `TUSER`: bit 0 at the head of a plane's first row, bit 1 if the plane before it in the
             stream lacks rows.
@@ -62,15 +63,15 @@ class Fifo(Generic[T]):
 
 
 class Ring:
-    """The stream of one source.
+    """Ring buffer of one source, whose output is its AXI4-Stream.
 
     Args:
         tiles: tiles of a row.
         depth: depth of the ring, beats, at least `tiles` + 1.
 
     Attributes:
-        lost_planes: planes with at least one lost row, modulo 2^32.
-        lost_rows: modulo 2^32.
+        lost_planes: number of planes with at least one lost row, modulo 2^32.
+        lost_rows: number of lost rows, modulo 2^32.
     """
 
     def __init__(self, tiles: int, depth: int) -> None:
@@ -82,10 +83,10 @@ class Ring:
         self._fifo: Fifo[Beat] = Fifo()
         self.lost_planes = self.lost_rows = 0
         self._place: tuple[int, int] | None = None  # frame and row of the last head
-        self._taking = False
-        self._incomplete = False  # the last plane in the stream
-        self._cut = False  # the plane in progress
-        self._held: Beat | None = None
+        self._taking = False  # whether the row in progress goes into the ring
+        self._incomplete = False  # whether the last plane in the stream lacks rows
+        self._cut = False  # whether the plane in progress has lost a row
+        self._held: Beat | None = None  # the tile of the last edge: a head goes before it
 
     @property
     def beat(self) -> Beat | None:
@@ -112,8 +113,8 @@ class Ring:
         """The head of a row, None if the row is lost."""
         before, self._place = self._place, (tile.frame, tile.row)
         opens = before is None or before[0] != tile.frame or tile.row <= before[1]
-        room = len(self._fifo.words) + self.tiles + 1 <= self.depth
-        if room and (opens or not self._cut):
+        fits = len(self._fifo.words) + self.tiles + 1 <= self.depth
+        if fits and (opens or not self._cut):
             self._cut = False
             user = 0
             if opens:

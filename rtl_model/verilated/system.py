@@ -1,6 +1,6 @@
 """The verilated system, with the interface of `cycle.System`: timed writes in, tiles out.
 
-A module in Verilator behind its shim, from its reset to its end.
+This file also covers a module in Verilator behind its shim, from its reset to its end.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Faults of single bytes on the line in both directions, and interruptions of the line.
 
-Noise of the serial line: random inversion of a byte's ten bits.
+This file also covers the noise of the serial line: random inversion of a byte's ten bits.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A simulated board that a thread serves, from start to stop.
 
-When a virtual board's clock runs: with the wall clock after traffic, and rarely without any.
+This file also covers the times at which a virtual board's clock runs: with the wall clock after
+traffic, and rarely without any.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Interval histograms of recordings against those of the model with the same parameters.
 
-Closed forms of latched intervals under constant light: quantisation, variance, and law.
+This file also covers closed forms of latched intervals under constant light: quantisation,
+variance, and law.
 
 A pixel under constant light crosses thresholds at instants t_n whose differences are independent,
 with mean m and standard deviation s (renewal process). The latch shows the crossing n in cycle

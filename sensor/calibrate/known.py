@@ -1,6 +1,6 @@
 """From the fits to parameters with intervals: what is known, what is not, and why.
 
-A parameter with its interval, and whether the recordings determine it.
+This file also covers a parameter with its interval, and whether the recordings determine it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What one recording of a moving or unknown scene tells: limits, and the reset rule.
 
-Whether a pixel carries its residual: the correlation of successive latched intervals.
+This file also covers whether a pixel carries its residual: the correlation of successive latched
+intervals.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The circuit of a pixel: what makes it stiff, as numbers.
 
-[sensor.circuit]: what makes the pixel stiff, for the reference tier.
+This file also covers [sensor.circuit]: what makes the pixel stiff, for the reference tier.
 """
 
 from __future__ import annotations

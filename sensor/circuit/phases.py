@@ -4,13 +4,15 @@ integrate (0): the charge rises, and leaks, up to the threshold. delay (1): the 
 answers from the crossing on. reset (2): the switch is closed, and the charge falls toward what
 light drives through it. An event is where a phase ends.
 
-Charge on a capacitance that changes with its swing, under a leak: no closed form on a ramp.
+This file also covers charge on a capacitance that changes with its swing, under a leak: no closed
+form on a ramp.
 
 (1 + a V) V' = S + S' t - V / tau is stepped by its own Taylor series of order 20, whose
 coefficients follow from one another (Hairer, Norsett, Wanner, Solving Ordinary Differential
 Equations I, 2nd ed., section I.8); a step is as long as its last terms allow.
 
-A spike train of one stiff pixel by closed forms: the phases one after another, in seconds.
+This file also covers a spike train of one stiff pixel by closed forms: the phases one after
+another, in seconds.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The state of each pixel is carried from chunk to chunk, so that a stream of any length is coded in
 bounded memory.
 
-Decoding of a whole stream.
+This file also covers the decoding of a whole stream.
 """
 
 from __future__ import annotations

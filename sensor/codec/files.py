@@ -1,6 +1,6 @@
 r"""Opens and writes first-spike and packet files in addition to the formats of cosim.
 
-`.fsc`: a spike stream as first spikes. All numbers are little-endian.
+This file also covers `.fsc`: a spike stream as first spikes. All numbers are little-endian.
 
 head    96 bytes: "VIFSC1\r\n"; code (1 byte: its place in CODES), refine (1), 2 bytes that
         are 0, height (4), width (4), words in a chunk (4), pixels in a band (4), cycles (4), start

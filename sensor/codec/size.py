@@ -1,6 +1,6 @@
 """Sizes of a stream: with a general compressor, and with the first-spike codes.
 
-The report's section on the size of the stream.
+This file also covers the report's section on the size of the stream.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ All is reckoned from the anchor, the start of the piece of light, never from whe
 Instants are rounded to picoseconds; a crossing found before the end of one piece that rounds to
 its end is found again in the next.
 
-The state of the monitors, and the reports of one call of a kernel.
+This file also covers the state of the monitors, and the reports of one call of a kernel.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The page of a run of a continuous camera.
 
-The explorer of a continuous camera: the values that its pixels have reported, over time.
+This file also covers the explorer of a continuous camera: the values that its pixels have reported,
+over time.
 
 Figures of a run with continuous pixels: reports over time, and what single pixels said
 beside their true light.

@@ -1,6 +1,6 @@
 """A continuous camera before its run, and what is left of the run for its report.
 
-The pixels of a [sensor.continuous] section.
+This file also covers the pixels of a [sensor.continuous] section.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ electrons themselves that arrive in the tick, g = int i(s) ds of them on the mea
 variance, have covariance c with y; a measurement counts g + (c/v) (sqrt(v) xi) +
 sqrt(g - c^2/v) eta.
 
-Standard normal numbers inside compiled kernels, counter-based.
+This file also covers standard normal numbers inside compiled kernels, counter-based.
 
 A normal number is the quantile of one 32-bit word w of Philox4x32-10 at (w + 1/2) / 2^32, so it
 lies within 6.4 standard deviations. Quantile: Wichura, "Algorithm AS 241: the percentage points of

@@ -1,6 +1,7 @@
 """The setting of a continuous-photographing sensor.
 
-The converter that turns a measured photocurrent into a code: linear, or mantissa and exponent.
+This file also covers the converter that turns a measured photocurrent into a code: linear, or
+mantissa and exponent.
 
 A scene spans decades (Huang 2022 section 4.5: nine from night to noon), which a linear code pays
 for with a bit an octave. With E exponent bits and M mantissa bits a code holds a whole number of

@@ -4,16 +4,18 @@ Published: Huang 2022 (DZXB 20221075) section 6 for sizes, clocks and process. N
 publishes pitch, fill factor, quantum efficiency or full well of either chip; the paper's worked
 example (100 um2 at QE 0.7, section 4.3) is the natural assumption.
 
-Reset noise of a capacitance, and the constants that turn it into electrons.
+This file also covers the reset noise of a capacitance, and the constants that turn it into
+electrons.
 
-A number that a real chip is taken to have, with where it is from.
+This file also covers a number that a real chip is taken to have, with where it is from.
 
 Nothing is published of the faults of SpikeOne or SpikeTwo. The sizes of `sensor.preset = "silicon"`
 are those of the one public calibration of a spike sensor (the simulator SCSim), of a public
 recording, of a patent and of the principle's paper; what none of them gives is a round number usual
 for CMOS. So all are assumed for the chips here, and each effect's key says on what ground.
 
-Steering of a chip's clock: the counter that makes its ticks may be told to count more or less.
+This file also covers the steering of a chip's clock: the counter that makes its ticks may be told
+to count more or less.
 
 A tick ends when a counter of a faster master clock reaches its end value; a register of the board
 changes that value from tick to tick, by whole counts. To pull the crystal oscillator itself would

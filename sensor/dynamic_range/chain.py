@@ -23,7 +23,7 @@ so the document is 20 log10(n m) dB too low, and equal at m = n = 1. It also add
 were one and the same, up to 3 dB a pair too low. Only a dimensionless alpha fits (m + alpha): the
 converter's noise over that before it. `document` is that figure; nothing is chosen by it.
 
-Response of a sensor above its linear range.
+This file also covers the response of a sensor above its linear range.
 
 A sensor's data may give two saturation voltages, the linear full well and the full well: 2500 mV
 and 3400 mV for the DALSA sensor of Wang et al. Between the two the output still rises
@@ -31,15 +31,16 @@ with light, but ever less. The document leaves this part out of the dynamic rang
 package. This module computes what the part would add. The document does not print the curve: an
 exponential approach with a continuous slope is assumed.
 
-From a chain's values to an output of few bits: linear and gamma mapping, and what of the
-dynamic range is left.
+This file also covers from a chain's values to an output of few bits: linear and gamma mapping, and
+what of the dynamic range is left.
 
 An output of L = 2^bits - 1 steps shows, at the least, its first step. Mapped by y = x^(1/gamma)
 that step stands for x = L^-gamma, so an output holds gamma 20 log10(L) dB: 48.1 dB linear in 8
 bits, 105.9 dB with gamma 2.2. What it costs is the size of the other steps.
 
-Dynamic range of a spike camera, and what its threshold and widths resolve (Huang, "Spiking
-Continuous Photographing Principle", Acta Electronica Sinica 50:2919, 2022, sections 3.3.2 to 5.2).
+This file also covers the dynamic range of a spike camera, and what its threshold and widths resolve
+(Huang, "Spiking Continuous Photographing Principle", Acta Electronica Sinica 50:2919, 2022,
+sections 3.3.2 to 5.2).
 
 A pixel gathers Q electrons in a width tau, so light is Q/tau. The shortest width is what the
 circuit can read out, the longest what dark current leaves of it: Q/I_dark.

@@ -2,7 +2,8 @@
 
 Each is a part of its chip, large enough for spatial variances of some per cent.
 
-A latched spike camera whose digital number is the count of spikes in an exposure.
+This file also covers a latched spike camera whose digital number is the count of spikes in an
+exposure.
 
 An exposure begins at any instant between two spikes: each frame is a run of its own, with a random
 phase. The count is then the number of electrons over the threshold, with the error of both ends of

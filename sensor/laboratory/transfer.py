@@ -1,7 +1,7 @@
 """Photon transfer: gain from the slope of variance over mean, responsivity from that of mean over
 photons, saturation where the variance turns.
 
-A measured number with its uncertainty, pixel by pixel, through every formula.
+This file also covers a measured number with its uncertainty, pixel by pixel, through every formula.
 
 Pixels are independent, and every figure of a photon transfer is a smooth function of means over
 them. So each figure carries its influence: a number a pixel, of mean zero, whose mean over the

@@ -3,7 +3,8 @@
 A plan gives a tile to one of them if the arithmetic of the cheaper tiers could change its rates by
 more than the tolerance allows.
 
-A latched camera on a few patches of its chip, with the same bits as on the whole chip.
+This file also covers a latched camera on a few patches of its chip, with the same bits as on the
+whole chip.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ has the halves that are not refused; one with none has the coarse image, a plain
 
 All pixels must have the same colour filter, since the shifts mix neighbours.
 
-Dense optical flow between two images of a scene (DIS, Kroeger et al., ECCV 2016, of OpenCV).
+This file also covers dense optical flow between two images of a scene (DIS, Kroeger et al., ECCV
+2016, of OpenCV).
 """
 
 from __future__ import annotations

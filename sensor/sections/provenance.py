@@ -1,6 +1,6 @@
 """Rows of a report's table of the machine: the camera's numbers and where each is from.
 
-From the [sensor] section to the parameters of the effects.
+This file also covers from the [sensor] section to the parameters of the effects.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The [sensor] section: the chip, how it is run, its lens and its device.
 
-[sensor.colour]: the filter array of a chip.
+This file also covers [sensor.colour]: the filter array of a chip.
 
-[sensor.sub_threshold] and sensor.dark_limit: dim light (Huang 2022, 4.4 and 4.5).
+This file also covers [sensor.sub_threshold] and sensor.dark_limit: dim light (Huang 2022, 4.4 and
+4.5).
 """
 
 from __future__ import annotations

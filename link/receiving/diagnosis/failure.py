@@ -1,6 +1,6 @@
 """The cause of failure for a stream without a detected transmission.
 
-The cause of failure if not all tags of a panel were detected.
+This file also covers the cause of failure if not all tags of a panel were detected.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The cause of loss for a transmission that was detected, but did not arrive whole.
 
-Diagnosis of a panel that is too bright or too dim.
+This file also covers diagnosis of a panel that is too bright or too dim.
 
-Detection of a gap in a recording, from the frames that arrived.
+This file also covers detection of a gap in a recording, from the frames that arrived.
 """
 
 from __future__ import annotations

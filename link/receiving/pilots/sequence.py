@@ -1,8 +1,8 @@
 """The sequence of the pilots in a signal: its begin and its clock.
 
-The spikes of the pilots, band by band of camera rows.
+This file also covers the spikes of the pilots, band by band of camera rows.
 
-Ticks that a recording lacks, found by the sequence of the pilots.
+This file also covers ticks that a recording lacks, found by the sequence of the pilots.
 
 A camera or a file that drops a tick moves all that follows one tick ahead. A transmission that is
 longer than the searched ticks loses a block by that. A short one is lost: its only timing is then

@@ -1,6 +1,6 @@
 """The mode of a link and the lock of its camera's clock, which depend on each other.
 
-Time that the stages of a set-up took.
+This file also covers the time that the stages of a set-up took.
 """
 
 from __future__ import annotations

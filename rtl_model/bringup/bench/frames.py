@@ -2,7 +2,8 @@
 
 The cycle model is imported in the function that needs it, because it imports numba.
 
-A board's reading of its charges, compared with the camera model's of the same charges.
+This file also covers a board's reading of its charges, compared with the camera model's of the same
+charges.
 """
 
 from __future__ import annotations

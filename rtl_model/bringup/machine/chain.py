@@ -1,6 +1,6 @@
 """The one stage of a board's chain: bring-up, then the capture of an image into the stream.
 
-Capture of the run's image from a board that has passed its bring-up.
+This file also covers capture of the run's image from a board that has passed its bring-up.
 """
 
 from __future__ import annotations

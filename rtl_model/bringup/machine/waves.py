@@ -2,7 +2,7 @@
 
 The simulators are imported in the function that needs them, because they take seconds to load.
 
-The image that a run of a board uploads into its pattern memory.
+This file also covers the image that a run of a board uploads into its pattern memory.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """The HTML report of a bring-up: stages, captured and expected planes, threshold sweep.
 
-Figures of a bring-up: captured and expected planes, wrong bits, threshold sweep.
+This file also covers the figures of a bring-up: captured and expected planes, wrong bits, threshold
+sweep.
 
-The bring-up as JUnit XML for build servers, with one test case for each stage.
+This file also covers the bring-up as JUnit XML for build servers, with one test case for each
+stage.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The summary of a bring-up: what was tested, whether the board is right, how sure that is.
 
-One-line summary of a stage: its main figures with their units.
+This file also covers the one-line summary of a stage: its main figures with their units.
 """
 
 from __future__ import annotations

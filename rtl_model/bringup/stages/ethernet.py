@@ -11,7 +11,7 @@ from cosim.config.amounts import number
 from rtl_model.bringup.bench.bench import UdpBench
 from rtl_model.bringup.bench.stage import Figures, StageFault
 from rtl_model.host import Cause, LineFault
-from rtl_model.host.ether import AROUND, Etherbone, count_losses, most_words
+from rtl_model.host.ether import WRITE_OVERHEAD, Etherbone, count_losses, most_words
 
 _PROBES = 4
 _READS = 64  # one after another, of one word
@@ -103,7 +103,7 @@ def _text(lost: int, sent: int, to_board: int, from_board: int) -> str:
 
 
 _MOST_WORDS = 255  # words of an Etherbone record
-_LEAST = AROUND + 1  # a numbered write of one word
+_LEAST = WRITE_OVERHEAD + 1  # a numbered write of one word
 _HEADS = 28 + 16  # bytes of a packet besides its words: IPv4 and UDP, Etherbone and one address
 
 
@@ -114,7 +114,8 @@ def check_mtu(bench: UdpBench) -> Figures:
     """
     words = most_words(bench.bone)
     figures: Figures = {
-        "words": words, "packet_bytes": _HEADS + 4 * words, "words_written": max(0, words - AROUND),
+        "words": words, "packet_bytes": _HEADS + 4 * words,
+        "words_written": max(0, words - WRITE_OVERHEAD),
     }  # fmt: skip
     remedy = "raise etherbone_buffer_depth of the design to 256, or the MTU of the network"
     if words < _LEAST:
@@ -180,7 +181,7 @@ def measured_rates(bone: Etherbone, base: int, words: int, seconds: float) -> Ra
     previous = bone.read_words(base, words).tobytes()
     random = np.random.Generator(np.random.Philox(1))
     image = random.integers(1 << 32, size=words, dtype=np.uint32).astype(">u4").tobytes()
-    sent, asked = min(words, bone.words_at_once - AROUND), min(words, bone.words_at_once)
+    sent, asked = min(words, bone.words_at_once - WRITE_OVERHEAD), min(words, bone.words_at_once)
     places = (base + 4 * np.arange(asked, dtype=np.int64)).astype(">u4").tobytes()
     wrong = 0
 

@@ -1,6 +1,7 @@
 """Stage threshold: compares the spike counts of all settings with a closed form.
 
-Spike count of a pixel under constant light in closed form, independent of the cycle model.
+This file also covers the spike count of a pixel under constant light in closed form, independent of
+the cycle model.
 """
 
 from __future__ import annotations

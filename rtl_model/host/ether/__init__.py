@@ -1,7 +1,7 @@
 """Etherbone over UDP from the host's side: packets, the socket, and numbered, repeated requests."""
 
 from rtl_model.host.ether.diagnosis import count_losses, most_words
-from rtl_model.host.ether.etherbone import AROUND, Etherbone
+from rtl_model.host.ether.etherbone import WRITE_OVERHEAD, Etherbone
 from rtl_model.host.ether.exchange import PacketPort
 from rtl_model.host.ether.packet import (
     Malformed,
@@ -21,7 +21,7 @@ from rtl_model.host.ether.udp import (
 )
 
 __all__ = [
-    "AROUND",
+    "WRITE_OVERHEAD",
     "Etherbone",
     "Malformed",
     "PacketPort",

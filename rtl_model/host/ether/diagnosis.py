@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtl_model.host.ether.etherbone import AROUND, WRITE_MEM, Etherbone
+from rtl_model.host.ether.etherbone import WRITE_MEM, WRITE_OVERHEAD, Etherbone
 from rtl_model.host.ether.exchange import Counts, is_answered
 from rtl_model.host.ether.packet import MOST_WORDS, record_packet
 
@@ -62,12 +62,13 @@ def count_losses(bone: Etherbone, packets: int) -> Losses:
 def most_words(bone: Etherbone) -> int:
     """Most words of a packet that the board answers, both as a read and as a write; 0 if none.
 
-    A write has `AROUND` words of data less than a read. It has no effect, as in `count_losses`.
+    A write has `WRITE_OVERHEAD` words of data less than a read. It has no effect, as in
+    `count_losses`.
     """
     number = int(bone.read_words(WRITE_MEM, 1)[0])
 
     def fits(words: int) -> bool:
-        data = max(0, words - AROUND)
+        data = max(0, words - WRITE_OVERHEAD)
         packets = partial(record_packet, reads=_BACK * words), _refused(number, data)
         return all(is_answered(bone.exchange, packet) for packet in packets)
 

@@ -33,7 +33,7 @@ from rtl_model.registers import MAGIC, MEMORIES, VERSION
 if TYPE_CHECKING:
     from rtl_model.host.log import LineLog
 
-AROUND = 5
+WRITE_OVERHEAD = 5
 """Words of a numbered write's record besides its data and one address: head, second address, and
 the word read."""
 
@@ -41,7 +41,7 @@ WRITE_MEM = next(memory.address for memory in MEMORIES if memory.name == "write_
 """Byte address of the numbered writes."""
 
 _HEAD = 3  # words of a numbered write before its data
-_LEAST_WORDS = 8  # a packet that carries these does not fail by its size
+_LEAST_WORDS = 8  # a packet with so few words passes every network
 _WORD = 1 << 32
 _PROBES, _PROBE_WAIT_S = 8, 0.25
 
@@ -64,6 +64,7 @@ class Etherbone:
     """
 
     confirms = True
+    """Whether the line confirms every write."""
 
     def __init__(
         self,
@@ -92,7 +93,7 @@ class Etherbone:
         return self.exchange.counts.answered
 
     def line_s(self, count: int) -> float:
-        """Duration of bytes on the line: none, for it is not known."""
+        """Duration of bytes on the line, s: 0, because a network's is unknown."""
         return 0.0
 
     def probe(self) -> float:
@@ -109,6 +110,7 @@ class Etherbone:
             port.send(probe(0))
             while (left := sent + wait - port.now()) > 0:
                 data = port.receive(left)
+                # Etherbone's magic number, and the flag of an answer to a probe
                 if data is not None and data[:2] == b"\x4e\x6f" and len(data) > 2 and data[2] & 2:
                     return port.now() - sent
                 if data is None and port.refused:
@@ -217,7 +219,7 @@ class Etherbone:
         if self._has_numbers():
             self.write_words(address, words, fixed=fixed)
             return
-        step = 4 * (1 if fixed else max(1, self.words_at_once - AROUND))
+        step = 4 * (1 if fixed else max(1, self.words_at_once - WRITE_OVERHEAD))
         for at in range(0, len(words), step):
             place = address if fixed else address + at
             self._plain_write(place, words[at : at + step], repeat=not fixed)
@@ -230,7 +232,7 @@ class Etherbone:
             words: big-endian.
             fixed: whether all are written to the same address.
         """
-        size = 4 * self.words_at_once - 4 * AROUND
+        size = 4 * self.words_at_once - 4 * WRITE_OVERHEAD
         step = 0 if fixed else 1
         self.write_blocks(
             [
@@ -264,7 +266,7 @@ class Etherbone:
     def other_answer(
         self, address: int, got: list[int], right: list[int], *, counted: bool = False
     ) -> None:
-        """Does nothing: an answer that arrives is right, or its checksum is not."""
+        """Does nothing: checksums have verified every answer that arrives."""
 
     def resynchronise(self) -> int:
         """Does nothing: a packet is complete or does not arrive. Returns 0."""

@@ -25,11 +25,16 @@ from cosim.run.folder import how_to_resume, room_for
 from cosim.run.machine import Chain, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from scenarios.assemble.behind.board import BoardPanel, open_panel
-from scenarios.assemble.behind.link.carrier import RECEIVED, CarriedStream, Carrier, make_carrier
 from scenarios.assemble.behind.link.coding import CutCode
 from scenarios.assemble.behind.link.ends import bare
-from scenarios.assemble.behind.link.judged import Watch, carrier_speeds, judge_carrier
-from scenarios.assemble.behind.link.page import carried_page
+from scenarios.assemble.behind.link.judged import Watch, judge_stream_link, stream_link_speeds
+from scenarios.assemble.behind.link.page import stream_link_page
+from scenarios.assemble.behind.link.stream_link import (
+    RECEIVED,
+    SentStream,
+    StreamLink,
+    make_stream_link,
+)
 from scenarios.assemble.behind.screen import Screen, ScreenViews, make_screen
 from scenarios.assemble.instants import check_window, even_instants
 from scenarios.assemble.schema.scenario import ImageSection, StreamScenario
@@ -55,14 +60,14 @@ class Behind:
 
     Attributes:
         feed: the planes.
-        carrier: the link; None without one.
+        link: the link; None without one.
         screen: the display; None without one.
         board: the board that displays the planes; None without one.
         opened: stack that closes the board.
     """
 
     feed: Feed
-    carrier: Carrier | None
+    link: StreamLink | None
     screen: Screen | None
     board: BoardPanel | None
     opened: ExitStack
@@ -73,30 +78,30 @@ class Behind:
             *([f"white of the planes: {self.feed.white}"] if self.feed.white else []),
             *([] if self.screen is None else self.screen.notes),
             *([] if self.board is None else [self.board.note]),
-            *([] if self.carrier is None else self.carrier.notes),
+            *([] if self.link is None else self.link.notes),
         ]
 
     @property
     def bits(self) -> int:
         """Upper limit of what is recorded beside the recording of the source, bits."""
-        (height, width), sent = self.feed.shape, self.carrier
+        (height, width), sent = self.feed.shape, self.link
         own = 0 if self.feed.live else self.feed.cycles * height * width
         return own + (0 if sent is None else sent.pixel_cycles)
 
     @property
     def lead(self) -> int:
         """Cycles of the chain before the first one of the stream."""
-        return 0 if self.carrier is None else self.carrier.setup.lead
+        return 0 if self.link is None else self.link.setup.lead
 
     @property
     def length(self) -> int:
         """Length of the chain, cycles."""
-        return self.feed.cycles if self.carrier is None else self.carrier.cycles
+        return self.feed.cycles if self.link is None else self.link.cycles
 
     def identity(self) -> str:
         """Text of the properties on which a checkpoint depends, beyond the scenario."""
         parts = [] if self.screen is None else [self.screen.chain.identity()]
-        return " ".join([*parts, *([] if self.carrier is None else [self.carrier.identity()])])
+        return " ".join([*parts, *([] if self.link is None else [self.link.identity()])])
 
     def renewed(self, feed: Feed) -> Behind:
         """The same, before the first block, for a feed with another plan."""
@@ -109,7 +114,7 @@ class Behind:
             stages = stages | {"sink": self.board}
         if self.screen is not None:
             stages = self.screen.stages(stages, folder)
-        return stages if self.carrier is None else self.carrier.join(stages, folder)
+        return stages if self.link is None else self.link.join(stages, folder)
 
     def play(
         self, planes: Planes, folder: Path, seconds: dict[str, float], progress: Progress
@@ -141,7 +146,7 @@ class Behind:
         with room_for(f"the planes of {what}", folder):
             spent = run_blocks(
                 stages, self.length, progress=progress.advance, remedy=how_to_resume(folder),
-                parallel=self.carrier is not None,
+                parallel=self.link is not None,
             )  # fmt: skip
         # The scene and the recording of the source have times of their own.
         seconds |= {f"{what[4:]}: {name}" if name in seconds else name: s
@@ -201,8 +206,8 @@ class ChainMachine:
 
     @property
     def device(self) -> str:
-        carrier = self.behind.carrier
-        return self.inner.device if carrier is None else f"{self.inner.device}; {carrier.device}"
+        link = self.behind.link
+        return self.inner.device if link is None else f"{self.inner.device}; {link.device}"
 
     @property
     def length(self) -> int:
@@ -218,12 +223,12 @@ class ChainMachine:
 
     def check(self, progress: Progress) -> list[Finding]:
         """Checks the plan of the source, then that of the link."""
-        found, carrier = self.inner.check(progress), self.behind.carrier
-        return found if found or carrier is None else carrier.check(progress)
+        found, link = self.inner.check(progress), self.behind.link
+        return found if found or link is None else link.check(progress)
 
     def keep(self, effects: Sequence[str]) -> ChainMachine:
-        carrier = self.behind.carrier
-        rest = effects if carrier is None else carrier.keep(effects)
+        link = self.behind.link
+        rest = effects if link is None else link.keep(effects)
         if not rest and not self.feed.live:
             return self
         inner = self.inner.keep(rest)
@@ -236,7 +241,7 @@ class ChainMachine:
         chain.stages, chain.cycles = self.behind.join(chain.stages, folder), self.length
         text = chain.identity + self.behind.identity()
         chain.identity = hashlib.sha256(text.encode()).hexdigest()
-        if self.behind.carrier is not None:
+        if self.behind.link is not None:
             chain.title += f", {self.length} with those of the link"
         if self.behind.screen is not None:
             chain.every_s = 60.0  # a display's state is half a gigabyte
@@ -261,21 +266,21 @@ class ChainMachine:
                 files=[*inner.files, *([] if planes.stored else [SHOWN])],
                 notes=[*inner.notes, *planes.notes()],
             )
-        screen, carrier, seen = behind.screen, behind.carrier, None
+        screen, link, seen = behind.screen, behind.link, None
         if screen is not None:
-            shown = ZarrStream(folder / (given if carrier is None else RECEIVED))
+            shown = ZarrStream(folder / (given if link is None else RECEIVED))
             outcome = screen.judge(outcome, shown, folder, seconds, progress)
             seen = outcome.views
         if behind.board is not None:
             outcome = behind.board.judge(outcome)
         outcome = replace(outcome, views=_Views(inner, seen))
-        if carrier is None:
+        if link is None:
             return outcome
         if cut := stages["code"].sender.cut:
-            sent = partial(CutCode, carrier.code, self.feed.shape, cut)
+            sent = partial(CutCode, link.code, self.feed.shape, cut)
             outcome = self.feed.behind_code(outcome, lambda plane: sent(plane).through)
         if not recording.resumed:
-            speeds = [*outcome.throughput, *carrier_speeds(carrier, spent)]
+            speeds = [*outcome.throughput, *stream_link_speeds(link, spent)]
             outcome = replace(outcome, throughput=speeds)
         watch = Watch(
             self.feed, self.instants, self.image,
@@ -283,10 +288,10 @@ class ChainMachine:
             # Those of a latched camera are of its images, not of its stream.
             () if self.feed.live else inner.latency, outcome.latency[len(inner.latency) :],
         )  # fmt: skip
-        return judge_carrier(carrier, watch, stages, folder / given, seconds, outcome)
+        return judge_stream_link(link, watch, stages, folder / given, seconds, outcome)
 
     def page(self, run: Run) -> Page:
-        return self._page(run) if self.behind.carrier is None else carried_page(run, self._page)
+        return self._page(run) if self.behind.link is None else stream_link_page(run, self._page)
 
     def _page(self, run: Run) -> Page:
         """The page without the link."""
@@ -318,7 +323,7 @@ def with_behind(
     image = scenario.image or ImageSection()
     check_window(image)
     instants = even_instants(image, feed.cycles)
-    screen = board = carrier = None
+    screen = board = link = None
     with ExitStack() as stack:
         if scenario.display is not None:
             board = stack.enter_context(open_panel(scenario.display, feed.shape))
@@ -327,6 +332,6 @@ def with_behind(
             screen = make_screen(scenario, instants, opened, feed)
             stack.callback(screen.chain.close)
         if scenario.link is not None:
-            carrier = make_carrier(CarriedStream.of(scenario, feed), device, progress)
-        behind = Behind(feed, carrier, screen, board, stack.pop_all())
+            link = make_stream_link(SentStream.of(scenario, feed), device, progress)
+        behind = Behind(feed, link, screen, board, stack.pop_all())
     return ChainMachine(machine, behind, image, instants)

@@ -1,4 +1,8 @@
-"""`viform laboratory`: measures a modelled camera by EMVA 1288, or the laws of a recording."""
+"""`viform laboratory`: measures a modelled camera by EMVA 1288, or the laws of a recording.
+
+The laws are statistics of spikes under still light: fixed pattern, common noise, and the variance
+and correlation of intervals.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +59,7 @@ def laboratory(
     if json:
         print_document(document)
     else:
-        print(_laws_text(document) if recording else _text(document))
+        print(_laws_text(document) if recording else _emva_text(document))
 
 
 def _cameras() -> dict[str, Camera]:
@@ -138,8 +142,8 @@ def _laws_text(document: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _text(document: dict[str, Any]) -> str:
-    """The document as text."""
+def _emva_text(document: dict[str, Any]) -> str:
+    """The rows of EMVA 1288 as text."""
     lines = [
         f"{document['title']}, measured by {document['standard']}; limits of "
         f"{document['confidence']:.0%} confidence",

@@ -14,10 +14,10 @@ from typing import Any
 
 from cosim import Plane
 from cosim.light.mosaic import Mosaic
-from scenarios.scenes.clips.coded import Coded, float_values, is_of_floats
 from scenarios.scenes.clips.decoder import Decoder
 from scenarios.scenes.clips.file_cache import Fitted, cached_file
 from scenarios.scenes.clips.fitted import Fit, Pose, deinterlaced, pose_of
+from scenarios.scenes.clips.frame_converter import FrameConverter, float_values, is_of_floats
 from scenarios.scenes.clips.timeline import Timeline
 
 _OF_OTHERS = (2, 3)
@@ -44,7 +44,7 @@ class Clip:
         self._path = path
         self.notes: list[str] = []
         self._fit = Fit(path, shape, mosaic, mixed, self.notes)
-        self._coded = Coded(path.name, mosaic is not None, self._fit)
+        self._coded = FrameConverter(path.name, mosaic is not None, self._fit)
         filters = None if mosaic is None else (mosaic.name, mosaic.response.tobytes(), mixed)
         self._kept, self._grid = cached_file(path), (shape, filters)
         self._planes: dict[int, Plane] = {}

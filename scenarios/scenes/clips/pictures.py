@@ -16,8 +16,13 @@ from cosim.compute.cores import cores
 from cosim.compute.memory import LITTLE
 from cosim.light.mosaic import Mosaic
 from scenarios.scenes.clips.clip import Clip
-from scenarios.scenes.clips.coded import GREY_OF_TIFF, SRGB, Coded, transfer_curve
 from scenarios.scenes.clips.fitted import Fit
+from scenarios.scenes.clips.frame_converter import (
+    GREY_OF_TIFF,
+    SRGB,
+    FrameConverter,
+    transfer_curve,
+)
 from scenarios.scenes.clips.stills import Page, Still, decoded_still, still_in, tiff_pages
 from scenarios.scenes.clips.timeline import Timeline
 
@@ -290,7 +295,7 @@ def _from_still(
     path: Path, still: Still, mosaic: Mosaic | None, fit: Fit, notes: list[str]
 ) -> Pictures:
     """The picture of a HEIF file."""
-    coded = Coded(path.name, mosaic is not None, fit)
+    coded = FrameConverter(path.name, mosaic is not None, fit)
     if still.colours.shape is not None:
         fit.check_size(*still.colours.shape)
     light, pose = decoded_still(path, still, coded, fit)

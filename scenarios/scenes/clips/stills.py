@@ -16,8 +16,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 import numpy.typing as npt
 
-from scenarios.scenes.clips.coded import Coded
 from scenarios.scenes.clips.fitted import AS_STORED, CONVERTING, DECODING, Fit, Pose, pose_of
+from scenarios.scenes.clips.frame_converter import FrameConverter
 
 _MOST_HEIF: Final = 1 << 24
 """Bytes of a description that are read."""
@@ -224,7 +224,7 @@ def still_in(path: Path, fit: Fit) -> Still | None:
 
 
 def decoded_still(
-    path: Path, still: Still, coded: Coded, fit: Fit
+    path: Path, still: Still, coded: FrameConverter, fit: Fit
 ) -> tuple[npt.NDArray[np.float32], Pose]:
     """Linear light of a picture, (H, W) or (H, W, 3) with colours, and how it is turned upright.
 

@@ -4,7 +4,7 @@ Time is rescaled to charge: light is piecewise linear, so the charge of an inter
 time and its inverse closed form, and shot noise is one Gamma(Q) threshold an interval (see
 sensor/latched/pixel/interval.py). A run begins with every pixel empty, at its first instant.
 
-The inner loop: every pixel from event to event through one piece of light.
+This file also covers the inner loop: every pixel from event to event through one piece of light.
 
 What a pixel is between two calls changes only with its own events and at the ends of pieces, never
 at the end of a call, so that a run gives the same bits however it is split. An interval under way

@@ -5,7 +5,8 @@ from it. Where that is never, or too seldom to matter (`effects.py`, "later repo
 one draw and one quotient. The arithmetic is the engine's for an interval that begins with the run,
 so the spikes that both send agree to the last bit.
 
-One interval in closed form: when light that runs linearly has brought a charge.
+This file also covers one interval in closed form: when light that runs linearly has brought a
+charge.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ numba reaches no scipy, and a call back into Python for each report would cost m
 All functions take an integer-valued shape q >= 1 as float64. Accuracy: about 1e-12 relative for
 shapes of thousands, 1e-8 at two million, where q log x itself loses digits; tested against scipy.
 
-Stretches of unreported spikes, drawn at once from the law of their sum.
+This file also covers the stretches of unreported spikes, drawn at once from the law of their sum.
 
 Under steady light the intervals of a pixel are independent and of one law, so with a reference to
 compare with, each is reported with one probability p and the number of unreported ones before it is

@@ -6,7 +6,8 @@ below threshold (Poisson law between two numbers of electrons), or silence (fewe
 by the end: P(N < Q)). All pixels count, so that a target of which few pixels fire is not estimated
 from these alone.
 
-Logarithms of the Gamma law's tails, however far out: a likelihood that is cut off has no peak.
+This file also covers the logarithms of the Gamma law's tails, however far out: a likelihood that is
+cut off has no peak.
 
 scipy's tails underflow 37 standard deviations away, and the first look at a likelihood lies
 thousands away. There the continued fractions converge within some tens of terms: 8.9.2 of the NIST

@@ -1,6 +1,6 @@
 """Images of events at chosen instants, with the truth of the scene.
 
-Images from events: TFI, one threshold over the width that holds the instant.
+This file also covers images from events: TFI, one threshold over the width that holds the instant.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The page of a run of an asynchronous camera.
 
-The explorer of an asynchronous stream: its spikes as planes of a clock, beside true light.
+This file also covers the explorer of an asynchronous stream: its spikes as planes of a clock,
+beside true light.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ is expected halfway. At the ends, where a neighbour is missing, half the next sp
 Where the light of its block changes, halfway is a matter of the block's spikes, not of cycles, on
 the levels from _BENT on. A decoder that has stopped at a level spreads the spikes between alike.
 
-The course of a block's spikes within a packet, compiled: how many there are up to a cycle.
+This file also covers the course of a block's spikes within a packet, compiled: how many there are
+up to a cycle.
 
 It is linear within each word of 32 cycles. Spikes of a pixel whose times are unknown are expected
 to lie evenly in this count, not in time.

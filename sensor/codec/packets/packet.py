@@ -3,12 +3,11 @@
     code (1 byte: its place in the catalogue), layer (1), cycles (2), tile (4), first cycle / 32
     (4), CRC-32C of these twelve bytes and the data (4), data
 
-Tiles are counted in raster order. The length of the data is the carrier's business. A packet that
+The length of the data is not in a packet: the link or file that carries it states it. A packet that
 is lost takes its layer, and the finer ones, of its tile in its cycles, and nothing else.
 
-A sensor cut into square tiles, in raster order; those at the border may be smaller.
-
-What every stream code does: a tile's words to the bytes of its layers, and back.
+`Tiles` cuts a sensor into square tiles, in raster order; those at the border may be smaller.
+`StreamCode` is what every stream code does: a tile's words to the bytes of its layers, and back.
 """
 
 from __future__ import annotations

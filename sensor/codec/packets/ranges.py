@@ -8,13 +8,14 @@ The interval has 64 bits and gives up 32 at once when it is shorter than 2^32: o
 predicted branch. A carry goes back into words that are already written. All arithmetic is of whole
 numbers, so that every machine writes the same bits. A run of zeros at the end takes no bytes.
 
-Bits of words and numbers at an address, as single instructions in compiled code.
+This file also covers bits of words and numbers at an address, as single instructions in compiled
+code.
 
 numba counts references to an array wherever inlined code takes a branch, which costs more than a
 decision of the range coder. So the inner loops take the addresses of arrays, whose life and size
 their caller guarantees.
 
-Whole numbers as decisions of the range coder, compiled.
+This file also covers whole numbers as decisions of the range coder, compiled.
 
 A number beside its expectation: whether it is equal, on which side it lies, and how far away, in
 Elias's gamma code, the exponent in unary. Each of these decisions has a context of its own, so that

@@ -7,7 +7,7 @@ Gersho 1988), which is the best choice for the bits that the chosen ones take. M
 trains take bits and gain little, so they go first. Layer 0 is left out only where the buffer would
 overflow, and then with its whole tile, at another place in every group.
 
-The send buffer: packets that wait for the link, first in, first out.
+This file also covers the send buffer: packets that wait for the link, first in, first out.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ An effect is one subclass of `PixelEffect` in one file, and one line in the cata
 the pixel through hooks. Every tier calls only the hooks of the effects that a plan keeps, so an
 effect that is left out costs nothing.
 
-Costs of effects in nanoseconds a pixel-cycle, by which the planner decides what to leave out.
+This file also covers the costs of effects in nanoseconds a pixel-cycle, by which the planner
+decides what to leave out.
 
 They were measured by `viform bench sensor` on two cores at 2.5 GHz with AVX-512 under PoCL 3.1. The
 planner uses this table on every machine, so that a scenario gives the same bits everywhere.

@@ -4,7 +4,8 @@ The state of a pixel changes only at its events and at the ends of pieces of lig
 of a call. An interval that is not complete is computed again from its anchor in the next call, so a
 run gives the same bits however it is split.
 
-Light on one pixel in float64: its rate at an instant, and its integral up to another instant.
+This file also covers light on one pixel in float64: its rate at an instant, and its integral up to
+another instant.
 
 Light is piecewise linear. Piece i runs from `begins[i]` to `ends[i]` (ps, no gaps), and its rate
 from `first[i]` to `last[i]` (electrons a picosecond). Before the first piece, light has the rate of

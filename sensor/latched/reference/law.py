@@ -9,11 +9,11 @@ upper end, as in the table of the exact tier (sensor/latched/pixel/interval.py),
 their digits. A draw evaluates a cubic in this probability, in cells of which each octave has as
 many: a normal score for each draw would take longer than all else in the loop of the reference.
 
-Special functions of scipy for compiled loops.
+This file also covers special functions of scipy for compiled loops.
 
 They are called by address, so that numba can cache the compiled loops.
 
-The error of the reference tier itself.
+This file also covers the error of the reference tier itself.
 """
 
 from __future__ import annotations

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from link.coding.stream_boxes import (
     LONGEST_PACKET,
-    PacketRow,
+    PacketParser,
     StreamFrame,
     StreamInbox,
     StreamOutbox,
-    in_row,
     read_stream_frame,
     stream_blocks,
     stream_rate,
+    with_length,
     write_stream_frame,
 )
 from link.layout import Layout
@@ -127,7 +127,7 @@ def test_garbage_is_no_frame(data: bytes) -> None:
 @given(st.lists(st.tuples(st.integers(0, 40), st.binary(max_size=60), st.integers(0, 70))))
 def test_frames_of_any_content_do_no_harm(frames: list[tuple[int, bytes, int]]) -> None:
     """Lengths that cannot be, places that lie anywhere: packets or none, never an exception."""
-    row = PacketRow()
+    row = PacketParser()
     for number, piece, begin in frames:
         where = begin if begin < len(piece) else None
         frame = read_stream_frame(write_stream_frame(StreamFrame(number, piece, where), 90))
@@ -138,7 +138,7 @@ def test_frames_of_any_content_do_no_harm(frames: list[tuple[int, bytes, int]]) 
 
 def test_a_packet_beyond_the_limit_is_refused() -> None:
     with pytest.raises(ValueError, match="at most 16777216 bytes, not 16777217"):
-        in_row(bytes(LONGEST_PACKET + 1))
-    row = PacketRow()
+        with_length(bytes(LONGEST_PACKET + 1))
+    row = PacketParser()
     assert row.put(StreamFrame(0, (LONGEST_PACKET + 1).to_bytes(4, "little") + b"abc", 0)) == []
-    assert row.put(StreamFrame(1, in_row(b"next"), 0)) == [b"next"]
+    assert row.put(StreamFrame(1, with_length(b"next"), 0)) == [b"next"]

@@ -25,9 +25,9 @@ from display.probes.setup import ProbeCamera
 from link.evaluation.delay import LIGHT
 from link.evaluation.metrics import lock_metrics
 from link.receiving import Received
-from scenarios.assemble.behind.link.carrier import LINK_STREAM, RECEIVED, Carrier
 from scenarios.assemble.behind.link.ends import FarEnd, NearEnd
 from scenarios.assemble.behind.link.rates import RatePoint, code_rates
+from scenarios.assemble.behind.link.stream_link import LINK_STREAM, RECEIVED, StreamLink
 from scenarios.assemble.schema.scenario import ImageSection
 from scenarios.assemble.source.feeds import Feed
 from sensor.reconstruct.fidelity import judge, psnr, to_white
@@ -41,11 +41,11 @@ _PART = 8
 
 
 @dataclass(frozen=True, eq=False)
-class CarrierOutcome:
+class StreamLinkOutcome:
     """A link after its last block.
 
     Attributes:
-        carrier: code and link.
+        link: the stream link.
         lit: whether the truth of the images is the light of a scene.
         direct, through: images from the stream that was sent and from the decoded one.
         received: result of the receiver.
@@ -55,7 +55,7 @@ class CarrierOutcome:
         views: data of the machine for its own page.
     """
 
-    carrier: Carrier
+    link: StreamLink
     lit: bool
     direct: list[Shot]
     through: list[Shot]
@@ -130,17 +130,17 @@ def _rows(stage: str, cycles: npt.ArrayLike, period_ps: float) -> list[Latency]:
     return latency_rows(stage, ps)
 
 
-def _latency(carrier: Carrier, far: FarEnd, period_ps: float) -> list[Latency]:
+def _latency(link: StreamLink, far: FarEnd, period_ps: float) -> list[Latency]:
     """Time of each stage from the latch of a spike until it is shown, over all packets.
 
     A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
     its blocks; then it waits until its group is shown. Every spike takes the same time in all. The
     waits for the code and to be shown are those of a spike in the middle of its group.
     """
-    setup, hold = carrier.setup, carrier.hold
+    setup, hold = link.setup, link.hold
     if not far.arrivals:
         return []
-    group = carrier.section.cycles
+    group = link.section.cycles
     ends = np.array([end for _, _, end in far.arrivals], np.int64) + setup.lead
     ticks = np.array([tick for tick, _, _ in far.arrivals], np.int64)
     begun = np.array([setup.first_cycle(setup.block_until(int(tick))) for tick in ticks])
@@ -157,36 +157,36 @@ def _latency(carrier: Carrier, far: FarEnd, period_ps: float) -> list[Latency]:
     ]
 
 
-def _watched(carrier: Carrier, watch: Watch) -> list[StepLatency]:
+def _watched(link: StreamLink, watch: Watch) -> list[StepLatency]:
     """Steps of light from the dark, filmed, coded with the link's share of bits, decoded and shown:
     the time until the display has gone half way, without the hold of the link. [] without a display
     or a camera to probe it with."""
     if watch.display is None or watch.probe is None:
         return []
     panel = watch.display.panel
-    rows = spike_latency(carrier.probe(watch.probe), panel, WATCHED, watch.probe.seed)
+    rows = spike_latency(link.probe(watch.probe), panel, WATCHED, watch.probe.seed)
     return [row for row in rows if row.drive == panel.drive and row.way == "rise"]
 
 
-def carrier_speeds(carrier: Carrier, spent: Mapping[str, float]) -> list[Throughput]:
+def stream_link_speeds(link: StreamLink, spent: Mapping[str, float]) -> list[Throughput]:
     """Speeds of the stages of a link. spent: wall time of each stage, s."""
-    link = carrier.setup
+    setup = link.setup
     return [
-        Throughput("code", carrier.stream.pixel_cycles / spent["code"], "pixel-cycles/s"),
-        Throughput("air", link.symbols * link.mode.ticks / spent["air"], "planes/s"),
-        Throughput("link.sensor", link.pixel_cycles / spent["link.sensor"], "pixel-cycles/s"),
-        Throughput("receiver", link.cycles / spent["receiver"], "planes/s"),
+        Throughput("code", link.stream.pixel_cycles / spent["code"], "pixel-cycles/s"),
+        Throughput("air", setup.symbols * setup.mode.ticks / spent["air"], "planes/s"),
+        Throughput("link.sensor", setup.pixel_cycles / spent["link.sensor"], "pixel-cycles/s"),
+        Throughput("receiver", setup.cycles / spent["receiver"], "planes/s"),
     ]
 
 
-def judge_carrier(
-    carrier: Carrier, watch: Watch, stages: Mapping[str, Any], sent: Path,
+def judge_stream_link(
+    link: StreamLink, watch: Watch, stages: Mapping[str, Any], sent: Path,
     seconds: dict[str, float], outcome: Outcome,
 ) -> Outcome:  # fmt: skip
     """The outcome of a run with a link.
 
     Args:
-        carrier: code and link.
+        link: the stream link.
         watch: how pictures are taken at both ends.
         stages: stages of the whole chain, after its last block.
         sent: recording of the stream that was sent, in the folder of the run.
@@ -196,7 +196,7 @@ def judge_carrier(
     near, far = stages["code"], stages["receiver"]
     received = far.receiver.received
     assert received is not None
-    stream, clock = carrier.stream, carrier.stream.clock
+    stream, clock = link.stream, link.stream.clock
     streams = [ZarrStream(sent), ZarrStream(sent.with_name(RECEIVED))]
     scene: Truth | None = watch.feed.source
     lit, truth = scene is not None, scene or _Sent(streams[0], watch)
@@ -210,8 +210,8 @@ def judge_carrier(
     lost, added = _differences(*streams)
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
-    hold_us = carrier.hold * 1e6 / clock.hz
-    watched = _watched(carrier, watch)
+    hold_us = link.hold * 1e6 / clock.hz
+    watched = _watched(link, watch)
     photon = {
         f"latency_photon_{NAMES[row.rate]}_us": Metric(
             row.total.median + hold_us, "us", "no pixel responds within the probe"
@@ -224,7 +224,7 @@ def judge_carrier(
         if row.rate == GREY
         for stage, part in zip(PARTS, row.parts, strict=True)
     ]
-    latency = [*watch.before, *_latency(carrier, far, 1e12 / clock.hz)]
+    latency = [*watch.before, *_latency(link, far, 1e12 / clock.hz)]
     metrics = {
         **outcome.metrics,
         "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
@@ -236,7 +236,7 @@ def judge_carrier(
         else Metric(None, "dB", "no image has light within the run"),
         "stream_bps": Metric(8 * count.coded_bytes / stream.seconds, "bit/s"),
         "goodput_bps": Metric(8 * on_time / stream.seconds, "bit/s"),
-        "link_bps": Metric(carrier.setup.rate * clock.hz, "bit/s"),
+        "link_bps": Metric(link.setup.rate * clock.hz, "bit/s"),
         "code_bits_per_pixel_cycle": Metric(8 * count.coded_bytes / stream.pixel_cycles, "bit"),
         "sent_bits_per_pixel_cycle": Metric(8 * on_time / stream.pixel_cycles, "bit"),
         "dropped_spikes": Metric(lost, "spikes"),
@@ -246,7 +246,9 @@ def judge_carrier(
         "tiles_missing": Metric(far.missing, "tiles"),
         "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
         "recovery_us": Metric(
-            _recovery(carrier, far), "us", "no packet was missed, or the picture did not come back"
+            _recovery(link, far),
+            "us",
+            "no packet was missed, or the picture did not come back",
         ),
         "buffer_peak_bytes": Metric(count.peak_bytes, "bytes"),
         "latency_us": Metric(hold_us, "us"),
@@ -258,7 +260,7 @@ def judge_carrier(
         "frames_received": Metric(received.frames_right, "frames"),
         "frames_lost": Metric(far.receiver.frames_lost, "frames"),
         "bytes_corrected": Metric(received.bytes_corrected, "bytes"),
-        **lock_metrics(carrier.setup.lock),
+        **lock_metrics(link.setup.lock),
     }
     begin = time.perf_counter()
     rated = _typical(direct)
@@ -267,7 +269,7 @@ def judge_carrier(
         watch.image.window, watch.feed.white_rate,
     )  # fmt: skip
     seconds["rates"] = time.perf_counter() - begin
-    worse = _causes(carrier, received, far, count.dropped)
+    worse = _causes(link, received, far, count.dropped)
     error = outcome.error
     if error.kind is not None and "behind a code" not in error.kind:
         error = replace(error, kind=f"{error.kind}; before the link")
@@ -275,14 +277,14 @@ def judge_carrier(
         outcome,
         error=error,
         outcome="degraded" if worse and outcome.outcome == "ok" else outcome.outcome,
-        kept=[*outcome.kept, *carrier.kept],
-        left_out=[*outcome.left_out, *carrier.left_out],
+        kept=[*outcome.kept, *link.kept],
+        left_out=[*outcome.left_out, *link.left_out],
         metrics=metrics,
         latency=[*latency, *(rows or watch.after)],
         files=[*outcome.files, LINK_STREAM, RECEIVED],
-        notes=[*outcome.notes, *worse, *carrier.link.beyond],
-        views=CarrierOutcome(
-            carrier,
+        notes=[*outcome.notes, *worse, *link.planned.beyond],
+        views=StreamLinkOutcome(
+            link,
             lit,
             direct,
             through,
@@ -296,23 +298,23 @@ def judge_carrier(
     )
 
 
-def _recovery(carrier: Carrier, far: FarEnd) -> float | None:
+def _recovery(link: StreamLink, far: FarEnd) -> float | None:
     """Time from the end of the last blockage, or from the receiver's first cycle if it joins late,
     to the filming of the first group that is shown whole from then on, us; None without either."""
-    clock, lead = carrier.stream.clock, carrier.setup.lead
-    blocked = carrier.setup.setting.aim.blocked
+    clock, lead = link.stream.clock, link.setup.lead
+    blocked = link.setup.setting.aim.blocked
     ends = [clock.cycle_at(stop) - lead for _, stop in blocked]
-    if carrier.joins:
-        ends.append(carrier.joins - lead)
+    if link.joins:
+        ends.append(link.joins - lead)
     if not ends:
         return None
     if not far.gaps:
         return 0.0
-    whole = far.gaps[-1][0] + carrier.section.cycles
+    whole = far.gaps[-1][0] + link.section.cycles
     return max(whole - max(ends), 0) * 1e6 / clock.hz
 
 
-def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> list[str]:
+def _causes(link: StreamLink, received: Received, far: FarEnd, dropped: int) -> list[str]:
     """What the stream has lost on its way, and why."""
     causes = []
     verdict = f"{received.verdict.cause.value}: {received.verdict.text}"
@@ -321,7 +323,7 @@ def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> 
         causes.append(f"nothing arrived over the link: {verdict}")
     elif lost and far.receiver.interruptions:
         spans = ", ".join(
-            f"{number(carrier.stream_ms(low), 4)} to {number(carrier.stream_ms(high), 4)} ms"
+            f"{number(link.stream_ms(low), 4)} to {number(link.stream_ms(high), 4)} ms"
             for low, high in far.receiver.interruptions
         )
         causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
@@ -332,8 +334,8 @@ def _causes(carrier: Carrier, received: Received, far: FarEnd, dropped: int) -> 
             f"{dropped} packets were not sent: the link carries less than the stream brings"
         )
     if far.gaps:
-        first, last = far.gaps[0][0], far.gaps[-1][0] + carrier.section.cycles
-        hz = carrier.stream.clock.hz
+        first, last = far.gaps[0][0], far.gaps[-1][0] + link.section.cycles
+        hz = link.stream.clock.hz
         causes.append(
             f"{far.missing} tiles of groups were shown dark and "
             f"{sum(held for _, _, held in far.gaps)} with the rate that they had last, between "

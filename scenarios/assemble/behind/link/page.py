@@ -12,27 +12,27 @@ from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
 from link.report.tables import left_out_table
-from scenarios.assemble.behind.link.judged import CarrierOutcome
+from scenarios.assemble.behind.link.judged import StreamLinkOutcome
 from scenarios.assemble.behind.link.rates import rates_figure
 
 FIGURE = "figures/through-link.png"
 RATES_FIGURE = "figures/rates.png"
-_CARRIED = (
+_CROSSING = (
     "Before they are shown, the spikes cross a room as light: they are coded into packets, a panel "
     "flashes these, a second spike camera films the panel, and a receiver decodes the packets."
 )
 _RATES = ("stream_bps", "link_bps", "goodput_bps")
 
 
-def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
+def stream_link_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
     """The page of a machine with the sections of its link first; writes their figures.
 
     Args:
-        run: the run; its views are a `CarrierOutcome`.
+        run: the run; its views are a `StreamLinkOutcome`.
         page_of: the page of the machine, for the run with its own views.
     """
     views = run.outcome.views
-    assert isinstance(views, CarrierOutcome)
+    assert isinstance(views, StreamLinkOutcome)
     page = page_of(replace(run, outcome=replace(run.outcome, views=views.views)))
     sections = [_ends(run, views), _cost(run), _bits(run, views), _time(run, views), _plan(views)]
     files = [FIGURE]
@@ -40,13 +40,13 @@ def carried_page(run: Run, page_of: Callable[[Run], Page]) -> Page:
         sections.append(_rates(run, views))
         files.append(RATES_FIGURE)
     return replace(
-        page, simulated=f"{page.simulated} {_CARRIED}",
+        page, simulated=f"{page.simulated} {_CROSSING}",
         sections=[*sections, *page.sections], files=[*page.files, *files],
     )  # fmt: skip
 
 
-def _ends(run: Run, views: CarrierOutcome) -> str:
-    clock = views.carrier.stream.clock
+def _ends(run: Run, views: StreamLinkOutcome) -> str:
+    clock = views.link.stream.clock
     heads = [f"{number(clock.middle(shot.cycle) / 1e9, 4)} ms" for shot in views.direct]
     rows = [
         ("TFP, sent", [for_display(shot.tfp) for shot in views.direct]),
@@ -63,7 +63,7 @@ def _ends(run: Run, views: CarrierOutcome) -> str:
     )
 
 
-def _rates(run: Run, views: CarrierOutcome) -> str:
+def _rates(run: Run, views: StreamLinkOutcome) -> str:
     path = run.folder / RATES_FIGURE
     against = "the true light" if views.lit else "that of the stream sent"
     data = rates_figure(views.rates, against, path)
@@ -102,8 +102,8 @@ def _cost(run: Run) -> str:
     return "<h2>What the link cost</h2>" + table(["quantity", "value"], rows)
 
 
-def _bits(run: Run, views: CarrierOutcome) -> str:
-    setup, hz = views.carrier.setup, views.carrier.stream.clock.hz
+def _bits(run: Run, views: StreamLinkOutcome) -> str:
+    setup, hz = views.link.setup, views.link.stream.clock.hz
     carried, arrived = setup.rate * hz, run.result.metrics["goodput_bps"].value
     spent = {name: bits * hz for name, bits in setup.spent().items()}
     whole = sum(spent.values()) + carried
@@ -120,23 +120,23 @@ def _bits(run: Run, views: CarrierOutcome) -> str:
     )
 
 
-def _time(run: Run, views: CarrierOutcome) -> str:
+def _time(run: Run, views: StreamLinkOutcome) -> str:
     rows = [
         [row.stage, *(amount(us * 1e-6, "s", 4) for us in (row.min_us, row.median_us, row.max_us))]
         for row in run.outcome.latency
     ]
-    clock = views.carrier.stream.clock
+    clock = views.link.stream.clock
     return (
         "<h2>From light to light</h2><p>Time in the simulated machine. A spike is shown "
-        f"{amount(views.carrier.hold / clock.hz, 's', 4)} after its latch, whatever packet carries "
+        f"{amount(views.link.hold / clock.hz, 's', 4)} after its latch, whatever packet carries "
         "it.</p>" + table(["stage", "minimum", "median", "maximum"], rows)
     )
 
 
-def _plan(views: CarrierOutcome) -> str:
-    link = views.carrier.link
-    alone = {} if link.check is None else link.check.alone
-    rows = link.plan.documents(None if link.check is None else link.check.measured)
+def _plan(views: StreamLinkOutcome) -> str:
+    planned = views.link.planned
+    alone = {} if planned.check is None else planned.check.alone
+    rows = planned.plan.documents(None if planned.check is None else planned.check.measured)
     head = (
         "<p>Changes of the bit error rate, in half-widths of the 99.9 % interval of that rate over "
         "the bits of the run, as estimated and as measured on patches, with the 99.9 % interval. "
@@ -146,5 +146,5 @@ def _plan(views: CarrierOutcome) -> str:
         "<h2>What the simulation of the link left out</h2>"
         + (head if rows else "")
         + left_out_table(rows, alone)
-        + f"<p>Kept: {html.escape(', '.join(link.plan.simulated))}.</p>"
+        + f"<p>Kept: {html.escape(', '.join(planned.plan.simulated))}.</p>"
     )

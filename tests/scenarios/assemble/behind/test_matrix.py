@@ -14,7 +14,7 @@ from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from display.probes import metrics
-from scenarios.assemble.behind.link import carrier
+from scenarios.assemble.behind.link import stream_link
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.source import asynchronous, continuous
 from scenarios.run import run_scenario
@@ -171,7 +171,7 @@ def words(path):
 @pytest.mark.parametrize(("source", "sink"), list(cases()))
 def test_a_source_before_a_sink(source, sink, tmp_path, monkeypatch):
     if (source, sink) in QUICK:
-        monkeypatch.setattr(carrier, "check_plan", lambda link, progress: (link, []))
+        monkeypatch.setattr(stream_link, "check_plan", lambda link, progress: (link, []))
     line = REFUSED.get((source, sink))
     if line is not None:
         with pytest.raises(InputError) as caught:

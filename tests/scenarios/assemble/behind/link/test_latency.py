@@ -17,7 +17,7 @@ from cosim.spikes.viform import words_for
 from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.quality.edges import half_way, risen
-from scenarios.assemble.behind.link.carrier import RECEIVED
+from scenarios.assemble.behind.link.stream_link import RECEIVED
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.messages import validate
@@ -58,7 +58,7 @@ def made(rate: float) -> ChainMachine:
 def watched(machine: ChainMachine, folder: Path) -> tuple[float, float]:
     """Typical time from the step until the light of a pixel has gone half way, us, and its standard
     error; of the brightest of the eight bars."""
-    assert machine.behind.screen is not None and machine.behind.carrier is not None
+    assert machine.behind.screen is not None and machine.behind.link is not None
     panel, clock = machine.behind.screen.chain.panel, machine.feed.clock
     stream = ZarrStream(folder / RECEIVED)
     words = stream.read_words(0, words_for(stream.cycles))
@@ -69,7 +69,7 @@ def watched(machine: ChainMachine, folder: Path) -> tuple[float, float]:
     starts = np.array([panel.start(n) for n in range(len(light) + 1)], np.float64)
     row = np.repeat(np.arange(panel.shape[0]), panel.shape[1]) * (panel.row_delay / panel.shape[0])
     when = risen(starts, light, half, panel.rise * PS, panel.decay * PS) + row
-    shown = (when[bright] - AT * PS / 1e3) / PS * 1e6 + machine.behind.carrier.hold / clock.hz * 1e6
+    shown = (when[bright] - AT * PS / 1e3) / PS * 1e6 + machine.behind.link.hold / clock.hz * 1e6
     # A median of times in whole planes is one of them; the mean of their middle half is not.
     order = np.sort(shown[np.isfinite(shown)])
     middle = order[len(order) // 4 : -len(order) // 4]

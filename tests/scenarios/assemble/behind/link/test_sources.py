@@ -15,7 +15,7 @@ from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
 from rtl_model.stand_in import BoardDisplay
-from scenarios.assemble.behind.link import carrier
+from scenarios.assemble.behind.link import stream_link
 from scenarios.assemble.schema.messages import validate
 from scenarios.report import write_report
 from scenarios.run import run_scenario
@@ -33,7 +33,7 @@ CODE = {"cycles": 32, "buffer": "1 ms"}
 @pytest.fixture(autouse=True)
 def _unchecked(monkeypatch: pytest.MonkeyPatch) -> None:
     """No check of the link's plan, which other tests make."""
-    monkeypatch.setattr(carrier, "check_plan", lambda link, progress: (link, []))
+    monkeypatch.setattr(stream_link, "check_plan", lambda link, progress: (link, []))
 
 
 def file(folder: Path, hz: int = 40_000) -> dict[str, Any]:

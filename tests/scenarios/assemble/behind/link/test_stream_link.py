@@ -15,8 +15,8 @@ from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import ZarrStream
 from cosim.run.chain import STREAM
 from cosim.run.machine import Options
-from scenarios.assemble.behind.link.carrier import LINK_STREAM, RECEIVED
 from scenarios.assemble.behind.link.rates import RATES, code_rates
+from scenarios.assemble.behind.link.stream_link import LINK_STREAM, RECEIVED
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.loading import load
@@ -221,7 +221,7 @@ STEERED = (
 @pytest.mark.slow
 def test_the_order_of_work_does_not_change_the_bits_behind_a_locked_clock(tmp_path: Path) -> None:
     made = machine_of(*STEERED)
-    setup = made.behind.carrier.setup
+    setup = made.behind.link.setup
     made.close()
     assert setup.lock is not None and setup.lock.most < 0.1
     assert setup.setting.camera.clock_moves.ps.any()
@@ -243,7 +243,7 @@ def test_a_code_without_a_link_is_refused() -> None:
 
 def test_the_parts_of_the_format_take_all_cells_of_the_panel() -> None:
     made = machine_of()
-    setup = made.behind.carrier.setup
+    setup = made.behind.link.setup
     made.close()
     spent, mode = setup.spent(), setup.mode
     cells = mode.width * mode.height / mode.cell**2

@@ -42,7 +42,7 @@ _PRIMARIES: Final = {
     ),
 }
 _MATRICES: Final = {0, 1, 2, 4, 5, 6, 7, 9}
-"""Matrices of luma and chroma that FFmpeg converts: code points of H.273, table 4."""
+"""Code points of the luma and chroma matrices that FFmpeg converts (H.273, table 4)."""
 _LIMITED, _FULL = 1, 2
 """FFmpeg's numbers of the ranges of codes."""
 # FFmpeg's 16-bit RGB is exact for RGB. Codes of limited range become white at 255 x 256 + 3; codes
@@ -137,12 +137,12 @@ def _luminance(
     return luminance
 
 
-class Coded:
+class FrameConverter:
     """Converts frames of code values to linear light.
 
     Args:
         name: name of the file, for notes.
-        coloured: whether colours are kept.
+        coloured: whether colours are kept; otherwise light is luminance.
         fit: takes notes for the user, and refuses what FFmpeg does not convert.
 
     Attributes:
@@ -169,6 +169,7 @@ class Coded:
             raise self._fit.bad(told) from None
 
     def _converted(self, frame: Any) -> npt.NDArray[np.float32]:
+        """As `light`; raises what FFmpeg raises."""
         code = int(frame.color_trc or 2)
         if code in (_PQ, _HLG):
             kind = "PQ, white at 203 cd/m2" if code == _PQ else "HLG, white at a signal of 75 %"
@@ -203,7 +204,7 @@ class Coded:
         return light
 
     def _curve(self, code: int, frame: Any, bits: int) -> npt.NDArray[np.float32]:
-        """The curve of a frame with `bits` of a code."""
+        """Curve of a frame with `bits` bits a code, as FFmpeg scales them; see `_WHITE_8`."""
         black, white = 0, _WHITE_8 if bits == 8 else _WHITE_16
         limited = frame.color_range == _LIMITED
         if len(frame.format.components) < 3 and frame.format.name != "pal8":

@@ -1,4 +1,7 @@
-"""The link of a scenario: it carries a coded stream of spike planes."""
+"""Stream links: a link behind a source, which carries its coded stream of spike planes.
+
+`SentStream` is what is sent, `StreamLink` the link with its plan; `make_stream_link` sets it up.
+"""
 
 from __future__ import annotations
 
@@ -48,21 +51,115 @@ _PREFIX: Final = "link: "
 """Begins the name of an effect of the link among those of all parts."""
 _FAR: Final = ("sink", "display")
 """Stages of a chain that take the decoded stream, each with all after it; the others make it."""
+_DEFAULT_TOLERANCE: Final = Scenario.model_fields["tolerance"].default
+"""Tolerance of the link for a scenario without one: a recording has no error of its own."""
+_NOISE_APART: Final = 0x9E3779B9
+"""Added to the seed: the chips at both ends have noise of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class SentStream:
+    """A stream of 1-bit planes for a link.
+
+    Attributes:
+        title, tolerance, seed: title, tolerance and seed of the scenario.
+        code, link: its sections.
+        chip: section of the chip that makes the stream; None for another source.
+        feed: planes that are sent.
+    """
+
+    title: str
+    tolerance: float
+    seed: int
+    code: CodeSection
+    link: LinkSection
+    chip: SensorSection | None
+    feed: Feed
+
+    @classmethod
+    def of(cls, scenario: StreamScenario, feed: Feed) -> SentStream:
+        """The stream of a scenario with a [link]."""
+        assert scenario.link is not None and scenario.code is not None
+        chip = getattr(scenario, "sensor", None)
+        return cls(
+            scenario.title, getattr(scenario, "tolerance", _DEFAULT_TOLERANCE), scenario.seed,
+            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None, feed,
+        )  # fmt: skip
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of the stream."""
+        return self.feed.shape
+
+    @property
+    def clock(self) -> Clock:
+        """Clock of the stream, and so of the link."""
+        return self.feed.clock
+
+    @property
+    def cycles(self) -> int:
+        """Length of the stream, cycles."""
+        return self.feed.cycles
+
+    @property
+    def wait(self) -> int:
+        """Largest wait in the send buffer, cycles."""
+        return math.ceil(self.code.buffer * self.clock.hz)
+
+    @property
+    def pixel_cycles(self) -> int:
+        """Pixels times cycles of the stream."""
+        return self.cycles * self.shape[0] * self.shape[1]
+
+    @property
+    def seconds(self) -> float:
+        """Length of the stream, s."""
+        return self.cycles / self.clock.hz
+
+    def scenario(self) -> LinkScenario:
+        """The link as a scenario of its own, with random numbers of its own. Raises InputError for
+        keys of [link] that a link with a stream does not have."""
+        link = self.link
+        for name, value, plain in (
+            ("file", link.file, None),
+            ("loop", link.loop, None),
+            ("size", link.size, type(link).model_fields["size"].default),
+        ):
+            if value != plain:
+                raise InputError(
+                    f"link.{name}", "absent in a link that carries a stream", f"{value}",
+                    "leave it out: there is no file to send",
+                )  # fmt: skip
+        return LinkScenario(
+            title=self.title, tolerance=self.tolerance, seed=(self.seed + _NOISE_APART) % 2**32,
+            link=link.model_copy(update={"sensor": None, "join": 0.0}),
+            sensor=self._receiver() if link.sensor is None else link.sensor,
+        )  # fmt: skip
+
+    def _receiver(self) -> SensorSection:
+        """The chip at the far end where the scenario says none: that of the source, if it has one,
+        with a hard reset."""
+        own, rate = self.chip, f"{self.clock.hz} Hz"
+        if own is None:
+            return SensorSection(clock=rate, threshold=f"{THRESHOLD} e", reset="hard")
+        return SensorSection(
+            chip=own.chip, clock=rate, threshold=f"{own.threshold} e", reset="hard"
+        )
 
 
 @dataclass(eq=False)
-class Carrier:
-    """The link, planned, and the code of the stream.
+class StreamLink:
+    """A link that carries a coded stream of spike planes, with its plan.
 
     Attributes:
         stream: what is sent.
-        link: the link and its plan.
-        setup: the link.
+        planned: the link and its plan.
+        setup: mode, timing and cameras of the link.
         promised: bound of the share of codewords that arrive otherwise than with full physics.
     """
 
-    stream: CarriedStream
-    link: PlannedLink
+    stream: SentStream
+    planned: PlannedLink
     setup: StreamSetup
     promised: float
 
@@ -108,11 +205,12 @@ class Carrier:
 
     @property
     def pixel_cycles(self) -> int:
-        """Of the link's camera and of the decoded stream."""
+        """Recorded pixel-cycles: of the link's camera and of the decoded stream."""
         return self.setup.pixel_cycles + self.stream.pixel_cycles
 
     @property
     def notes(self) -> list[str]:
+        """Notes for the user: those of the set-up, rate and delay."""
         hz = self.stream.clock.hz
         return [
             *self.setup.notes(),
@@ -123,31 +221,31 @@ class Carrier:
     @property
     def kept(self) -> list[str]:
         """Effects of the link that are simulated."""
-        return [_PREFIX + name for name in self.link.plan.simulated]
+        return [_PREFIX + name for name in self.planned.plan.simulated]
 
     @property
     def left_out(self) -> list[dict[str, Any]]:
         """Rows of `result.json` for the effects of the link that are left out."""
-        check = self.link.check
-        rows = self.link.plan.documents(None if check is None else check.measured)
+        check = self.planned.check
+        rows = self.planned.plan.documents(None if check is None else check.measured)
         return [row | {"effect": _PREFIX + row["effect"]} for row in rows]
 
     def check(self, progress: Progress) -> list[Finding]:
         """Checks the plan of the link on patches."""
-        self.link, findings = check_plan(self.link, progress)
+        self.planned, findings = check_plan(self.planned, progress)
         return [replace(each, effect=_PREFIX + each.effect) for each in findings]
 
     def keep(self, effects: Sequence[str]) -> list[str]:
         """Plans the link with those of these effects that are its own; returns the others."""
         mine = [name.removeprefix(_PREFIX) for name in effects if name.startswith(_PREFIX)]
         if mine:
-            self.link = self.link.keep(mine)
-            self.promised = _promised(self.setup, self.link.plan)
+            self.planned = self.planned.keep(mine)
+            self.promised = _promised(self.setup, self.planned.plan)
         return [name for name in effects if not name.startswith(_PREFIX)]
 
     def identity(self) -> str:
         """Text of the properties on which a checkpoint depends, beyond the scenario."""
-        return f"{self.setup.mode} {self.link.plan.tier} {sorted(self.link.plan.left_out)}"
+        return f"{self.setup.mode} {self.planned.plan.tier} {sorted(self.planned.plan.left_out)}"
 
     def join(self, stages: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """The stages of the whole chain.
@@ -164,8 +262,8 @@ class Carrier:
         control = self.section.control(clock.hz, setup.rate * clock.hz)
         assert control is not None  # the link limits the rate
         end = NearEnd(Sender(code, shape, cycles, control), setup)
-        air = setup.setting.make_air(end.sent, end.sent.planes, self.link.plan.air_effects)
-        sensor = self.link.make_camera(air.row_delay)
+        air = setup.setting.make_air(end.sent, end.sent.planes, self.planned.plan.air_effects)
+        sensor = self.planned.make_camera(air.row_delay)
         recorder = Recorder(folder / LINK_STREAM, sensor.shape, setup.cycles, clock)
         modem = setup.scenario.link.modem
         receiver = PacketReceiver(
@@ -201,7 +299,7 @@ def _promised(setup: StreamSetup, plan: LinkPlan) -> float:
     return goodput_change(rate, rate + plan.promised, setup.mode)
 
 
-def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) -> Carrier:
+def make_stream_link(stream: SentStream, device: str | None, progress: Progress) -> StreamLink:
     """The link for a stream, planned. Raises InputError.
 
     One tolerance holds for all parts. What the link's plan leaves out changes its bit error rate,
@@ -225,10 +323,10 @@ def make_carrier(stream: CarriedStream, device: str | None, progress: Progress) 
         promised = _promised(setup, planned.plan)
         if promised <= _SHARE * stream.tolerance:
             break
-    return Carrier(stream, planned, setup, promised)
+    return StreamLink(stream, planned, setup, promised)
 
 
-def _receiver(link: LinkScenario, stream: CarriedStream) -> CameraSetting:
+def _receiver(link: LinkScenario, stream: SentStream) -> CameraSetting:
     """The chip at the far end, which counts the cycles of the stream. Raises InputError."""
     check_receiver(link.sensor, "link.sensor")
     setting, hz = camera_setting(link), stream.clock.hz
@@ -238,96 +336,3 @@ def _receiver(link: LinkScenario, stream: CarriedStream) -> CameraSetting:
             f"write --set link.sensor.clock='{hz:.10g} Hz'",
         )  # fmt: skip
     return replace(setting, clock=stream.clock)  # one of 1e6 / 3 Hz has no decimal text
-
-
-_TOLERANCE: Final = Scenario.model_fields["tolerance"].default
-"""Tolerance of the link for a scenario without one: a recording has no error of its own."""
-_NOISE_APART: Final = 0x9E3779B9
-"""Added to the seed: the chips at both ends have noise of their own."""
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedStream:
-    """A stream of 1-bit planes for a link.
-
-    Attributes:
-        title, tolerance, seed: title, tolerance and seed of the scenario.
-        code, link: its sections.
-        chip: section of the chip that makes the stream; None for another source.
-        feed: planes that are sent.
-    """
-
-    title: str
-    tolerance: float
-    seed: int
-    code: CodeSection
-    link: LinkSection
-    chip: SensorSection | None
-    feed: Feed
-
-    @classmethod
-    def of(cls, scenario: StreamScenario, feed: Feed) -> CarriedStream:
-        """The stream of a scenario with a [link]."""
-        assert scenario.link is not None and scenario.code is not None
-        chip = getattr(scenario, "sensor", None)
-        return cls(
-            scenario.title, getattr(scenario, "tolerance", _TOLERANCE), scenario.seed,
-            scenario.code, scenario.link, chip if isinstance(chip, SensorSection) else None, feed,
-        )  # fmt: skip
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(height, width) of the stream."""
-        return self.feed.shape
-
-    @property
-    def clock(self) -> Clock:
-        return self.feed.clock
-
-    @property
-    def cycles(self) -> int:
-        return self.feed.cycles
-
-    @property
-    def wait(self) -> int:
-        """Largest wait in the send buffer, cycles."""
-        return math.ceil(self.code.buffer * self.clock.hz)
-
-    @property
-    def pixel_cycles(self) -> int:
-        return self.cycles * self.shape[0] * self.shape[1]
-
-    @property
-    def seconds(self) -> float:
-        """Length of the stream, s."""
-        return self.cycles / self.clock.hz
-
-    def scenario(self) -> LinkScenario:
-        """The link as a scenario of its own, with random numbers of its own. Raises InputError for
-        keys of [link] that a link with a stream does not have."""
-        link = self.link
-        for name, value, plain in (
-            ("file", link.file, None),
-            ("loop", link.loop, None),
-            ("size", link.size, type(link).model_fields["size"].default),
-        ):
-            if value != plain:
-                raise InputError(
-                    f"link.{name}", "absent in a link that carries a stream", f"{value}",
-                    "leave it out: there is no file to send",
-                )  # fmt: skip
-        return LinkScenario(
-            title=self.title, tolerance=self.tolerance, seed=(self.seed + _NOISE_APART) % 2**32,
-            link=link.model_copy(update={"sensor": None, "join": 0.0}),
-            sensor=self._receiver() if link.sensor is None else link.sensor,
-        )  # fmt: skip
-
-    def _receiver(self) -> SensorSection:
-        """The chip at the far end where the scenario says none: that of the source, if it has one,
-        with a hard reset."""
-        own, rate = self.chip, f"{self.clock.hz} Hz"
-        if own is None:
-            return SensorSection(clock=rate, threshold=f"{THRESHOLD} e", reset="hard")
-        return SensorSection(
-            chip=own.chip, clock=rate, threshold=f"{own.threshold} e", reset="hard"
-        )
