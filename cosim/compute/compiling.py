@@ -12,7 +12,7 @@ _state = {"now": 0, "last": float("-inf")}
 
 @contextmanager
 def compiles() -> Iterator[None]:
-    """A compilation."""
+    """Context of a compilation."""
     begin_compiling()
     try:
         yield
@@ -21,12 +21,12 @@ def compiles() -> Iterator[None]:
 
 
 def begin_compiling() -> None:
-    """A function or a kernel is being compiled from here on."""
+    """Notes that a compilation of a function or a kernel begins."""
     _state["now"] += 1
 
 
 def end_compiling() -> None:
-    """It is there."""
+    """Notes that the compilation has ended."""
     _state["now"] -= 1
     _state["last"] = time.monotonic()
 

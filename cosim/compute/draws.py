@@ -86,7 +86,7 @@ def _poisson_one(mean, pixel, frame, draw, seed, stream):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def _gamma_one(shape, pixel, frame, draw, seed, stream):  # type: ignore[no-untyped-def]
-    """Of unit scale. Two counters an attempt: a normal and a uniform number."""
+    """One Gamma number of unit scale. Two counters an attempt: a normal and a uniform number."""
     if shape <= 0.0:
         return 0.0
     boost = 1.0

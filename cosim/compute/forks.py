@@ -39,8 +39,8 @@ def use(library: str) -> None:
 
 
 def lose_in_forks(owner: object, *names: str) -> None:
-    """In a process that is forked, attributes of an object are taken away. They are kept as they
-    are, because their release may hang as well."""
+    """Removes attributes of an object in processes that are forked later. Their values are not
+    released there, because that may hang as well."""
     _OWNERS[owner] = names
 
 

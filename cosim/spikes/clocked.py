@@ -104,7 +104,7 @@ class Changes(Protocol):
     """The changes of held values in the order of cycles."""
 
     def between(self, start: int, stop: int) -> Iterable[Change]:
-        """Those from cycle `start` to before `stop`; called for consecutive spans."""
+        """The changes from cycle `start` to before `stop`; called for consecutive spans."""
         ...
 
 

@@ -125,7 +125,7 @@ class PanelStage(LiveDisplay):
         return self._own + 1 + exposure % self._exposures
 
     def _views(self, first: int, planes: int) -> list[Views]:
-        """Those of the observers, of the sum of all light, and of the slow motion."""
+        """Views of the observers, of the sum of all light, and of the slow motion."""
         spans = -(-planes // self._batch)
         none = np.zeros((1, spans))
         parts = [*super()._views(first, planes), Views(none + 1, none, none, none, none, none)]

@@ -212,7 +212,7 @@ def measure_frame(frame: Frame) -> FrameFigures:
 
 
 def read_latency(frames: Sequence[FrameFigures]) -> list[Latency]:
-    """From an exposure's beginning to the last pixel of its frame; [] without frames."""
+    """Time from an exposure's beginning to the last pixel of its frame; [] without frames."""
     spans = np.array([frame.ready - frame.begin for frame in frames], np.int64)
     return latency_rows("exposure's beginning to the frame read", spans)
 

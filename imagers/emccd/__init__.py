@@ -1,1 +1,1 @@
-"""Frame-transfer EMCCD of seed 003 as a whole machine: timing, sequencer, registers, cooling."""
+"""Frame-transfer EMCCD of document 003 as a machine: timing, sequencer, registers, cooling."""

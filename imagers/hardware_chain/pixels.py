@@ -52,7 +52,7 @@ def _beside_whole(cycles: Fraction) -> float:
 
 
 def _upright(row: float, column: float) -> tuple[float, float]:
-    """Of a wave and its negative, the one whose larger part is positive."""
+    """Frequency of a wave or of its negative: the one whose larger part is positive."""
     return (-row, -column) if max(row, column, key=abs) < 0 else (row, column)
 
 

@@ -4,9 +4,9 @@ interval.
 Every bound starts from the share of a lit pixel's charge in a tick by which leaving the effect out
 can change any pixel's charge. `link.air` converts it to the change of the bit error rate over half
 the width of its 99.9 % interval, by a closed form that is not the receiver's. Every bound is
-therefore an estimate, which the planner counts twice and adds up. The bounds of `sensor.effects` do
-not apply: they are for images, where one spike more in a window counts as a spike, while a link
-only reads on which side of the threshold a tick falls.
+therefore an estimate, which the planner counts twice and adds up. The bounds of
+`sensor/latched/effects` do not apply: they are for images, where one spike more in a window counts
+as a spike, while a link only reads on which side of the threshold a tick falls.
 """
 
 from __future__ import annotations

@@ -119,12 +119,12 @@ class EventEncoder:
 
     @property
     def lost_rows(self) -> int:
-        """Rows that found no room."""
+        """Number of rows that found no room in the queue."""
         return int(self._state[LOST_ROWS])
 
     @property
     def lost_spikes(self) -> int:
-        """Their spikes."""
+        """Number of spikes in the lost rows."""
         return int(self._state[LOST_SPIKES])
 
     def run(self, tiles: Tiles, ready: Ready) -> Output:

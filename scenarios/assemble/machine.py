@@ -18,7 +18,7 @@ from cosim.run.machine import REPORTS, Machine, Options, Study
 from cosim.run.progress import Progress
 from cosim.run.workers import check_workers
 from scenarios.assemble.memory import check_need
-from scenarios.assemble.readout import refuse_device, refuse_leftovers
+from scenarios.assemble.pixel_kinds import refuse_device, refuse_leftovers
 from scenarios.assemble.schema.loading import filmed
 from scenarios.assemble.schema.scenario import (
     AnyScenario,
@@ -102,14 +102,14 @@ def _assemble(name: str, scenario: AnyScenario, options: Options, progress: Prog
 
         return BoardMachine(scenario.board, scenario.seed, to_toml(scenario), options.trace)
     if isinstance(scenario, RecordingScenario):
-        from scenarios.assemble.source.recording.opening import comes
+        from scenarios.assemble.source.recording.opening import is_live
 
         if scenario.link is None:
             refuse_device("a recorded stream", device)
-        if comes(scenario.sensor):
-            from scenarios.assemble.behind.live import assemble_coming
+        if is_live(scenario.sensor):
+            from scenarios.assemble.behind.live import assemble_live
 
-            return assemble_coming(name, scenario, device, progress)
+            return assemble_live(name, scenario, device, progress)
     machine, feed = _source(name, scenario, options)
     if scenario.display is None and scenario.link is None:
         return machine

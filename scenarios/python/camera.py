@@ -19,7 +19,7 @@ from cosim.plan.paired import Span, windows
 from scenarios.assemble.called import in_memory
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import choose_lens, choose_mosaic
-from scenarios.assemble.readout import refuse_leftovers
+from scenarios.assemble.pixel_kinds import refuse_leftovers
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.schema.settings import assignments_of

@@ -20,7 +20,7 @@ from cosim.plan.paired import Span
 from scenarios.assemble.called import called_camera
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import LensChoice, make_relay
-from scenarios.assemble.readout import refuse_device
+from scenarios.assemble.pixel_kinds import refuse_device
 from scenarios.assemble.schema.scenario import Scenario
 from sensor.latched.setting import CameraSetting
 
@@ -121,7 +121,7 @@ class _Unlatched(PixelKind):
 
 
 class _Asynchronous(_Unlatched):
-    """Its lengths are picoseconds."""
+    """An asynchronous camera; its lengths are picoseconds."""
 
     def __init__(self, scenario: Scenario) -> None:
         from scenarios.assemble.source.asynchronous import event_setting

@@ -91,7 +91,7 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
     def __iter__(self) -> Iterator[dict[str, Any]]:
         """Yields, for each clip of this worker:
 
-        number: of the clip.
+        number: number of the clip.
         spikes: (T, H, W) uint8, 0 or 1.
         light: (n, H, W) float32, the true light at the instants, white = 1.
         instants: (n,) int64, cycles.

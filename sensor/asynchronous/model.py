@@ -107,14 +107,14 @@ class Firings:
         return len(self.instant)
 
     def take(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Firings:
-        """Those of a mask or of indices."""
+        """The firings that a mask or indices select."""
         return Firings(
             self.pixel[chosen], self.instant[chosen], self.width[chosen], self.exact[chosen],
             self.level[chosen], self.work,
         )  # fmt: skip
 
     def ordered(self) -> Firings:
-        """Those in any order, in that of the class."""
+        """The same firings in the order of the class, from any order."""
         return self.take(time_order(self.instant, self.pixel))
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
@@ -124,7 +124,7 @@ class Firings:
 
     @staticmethod
     def of_state(state: Mapping[str, npt.NDArray[Any]]) -> Firings:
-        """From what `state` gave."""
+        """The firings of the arrays that `state` returned."""
         pixel, instant, width, exact, level = (state[name] for name in _COLUMNS)
         return Firings(pixel, instant, width, exact, level, int(state["work"]))
 

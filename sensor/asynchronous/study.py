@@ -200,7 +200,7 @@ def _reference(start: EventStart, plan: EventPlan) -> dict[str, Any]:
 
 
 def _weak(start: EventStart, plan: EventPlan) -> WeakError | None:
-    """Of the brightest pixels."""
+    """Weak error of the brightest pixels."""
     view = start.view
     if not plan.scene.steady:
         return None

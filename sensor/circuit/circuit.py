@@ -148,7 +148,7 @@ class CircuitSection(Section):
 
     @property
     def circuit(self) -> Circuit:
-        """In SI units."""
+        """The circuit in SI units."""
         return Circuit(
             self.capacitance * _FEMTO,
             self.nonlinearity,

@@ -45,7 +45,7 @@ _SHORTER = "code it in shorter pieces"
 
 
 def _crc(number: int, data: bytes | memoryview) -> int:
-    """Of a frame and its place, so that frames that changed places are noticed."""
+    """CRC-32 of a frame and its place, so that frames that changed places are noticed."""
     return zlib.crc32(data, zlib.crc32(_CRC.pack(number & 0xFFFFFFFF)))
 
 

@@ -59,7 +59,7 @@ class SpikeCounter:
 
     @property
     def bits(self) -> int:
-        """Of a count of one spike in each cycle of the usual exposure."""
+        """Bits of the largest count: one spike in each cycle of the usual exposure."""
         return round(self.seconds * self.setting.clock.hz).bit_length()
 
     def convert(self, rows: Exposed, seed: int, kept: frozenset[str]) -> npt.NDArray[np.uint16]:

@@ -46,14 +46,14 @@ class Estimate:
 
     @classmethod
     def mean(cls, values: Values) -> Estimate:
-        """Of what each pixel gives."""
+        """Estimate of the mean of `values`, one of each pixel."""
         value = float(values.mean())
         return cls(value, values - value)
 
     @property
     def variance(self) -> float:
-        """Of the value. Pixels of a column or a row may share something (column gain, row noise):
-        the largest of what pixels, columns and rows as units give is taken."""
+        """Variance of the value. Pixels of a column or a row may share something (column gain, row
+        noise): the largest of what pixels, columns and rows as units give is taken."""
         largest = 0.0
         for units in (self.influence.ravel(), *(self.influence.mean(axis=a) for a in (0, 1))):
             if units.size > 1:

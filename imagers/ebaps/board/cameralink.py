@@ -102,7 +102,7 @@ class LinkTiming:
 
     @property
     def line_clocks(self) -> int:
-        """Of a line, blanking included."""
+        """Clocks of a line, blanking included."""
         return self.clock_hz // self.rate // self.rows
 
     @property

@@ -206,7 +206,7 @@ class Board:
 
     @property
     def link(self) -> LinkTiming | None:
-        """Of Camera Link; None if its clock is too slow for the frames."""
+        """Timing of Camera Link; None if its clock is too slow for the frames."""
         t = self.timing
         try:
             return LinkTiming(t.columns, t.rows, self.clocks.display, t.rate)

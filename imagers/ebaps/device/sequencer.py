@@ -135,7 +135,7 @@ class Sequencer:
 
     @property
     def mean(self) -> int:
-        """Of the last live frame, DN."""
+        """Mean of the last live frame, DN."""
         return self._told["mean"]
 
     @property

@@ -162,7 +162,7 @@ class EbapsPixels:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Of the device."""
+        """Fixed pattern of the device."""
         return Pattern(self.silicon, self.shape, self.device)
 
     def at(self, *, volts: float | None = None, kelvin: float | None = None) -> EbapsPixels:
@@ -182,7 +182,7 @@ class EbapsPixels:
         return self.tube.electrons_per_lux * self.silicon.area * self.spectral.photocathode
 
     def photoelectrons(self, lux_seconds: float) -> float:
-        """Of light, in a pixel."""
+        """Photoelectrons of an exposure in a pixel. lux_seconds: exposure, lx s."""
         electrons = lux_seconds * self.tube.electrons_per_lux * self.silicon.area
         return electrons * self.spectral.photocathode
 

@@ -89,12 +89,12 @@ class Silicon:
 
     @property
     def offset_spread(self) -> float:
-        """Of all offsets together, electrons."""
+        """Standard deviation of all offsets together, electrons."""
         return math.hypot(self.offset, self.column_offset, self.row_offset)
 
     @property
     def response_spread(self) -> float:
-        """Of the response, relative."""
+        """Standard deviation of the response, relative."""
         return math.hypot(self.prnu, self.stripes)
 
 

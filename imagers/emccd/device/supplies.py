@@ -145,8 +145,8 @@ class Supplies:
         return sum(rail.delay + _GOOD * rail.ramp for rail in self.rails)
 
     def run(self, off: float | None = None) -> Course:
-        """From the switch at 0 until all rails are good; with a switch-off at `off` s, or after a
-        fault, until all are off."""
+        """Course of the rails from the switch at 0 until all are good; with a switch-off at `off`
+        s, or after a fault, until all are off."""
         rails, enabled = self.rails, set[str]()
         course = Course({name: [0.0] for name in self.order})
         for _ in self._sequence(rails, enabled, course, off):

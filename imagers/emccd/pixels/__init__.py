@@ -1,4 +1,4 @@
-"""Frame-transfer EMCCD of seed 003: multiplication register, gain, dark current, wells, pixels."""
+"""Frame-transfer EMCCD of document 003: multiplication, gain, dark current, wells, pixels."""
 
 from imagers.emccd.pixels.array import EmccdExposed, EmccdPixels
 from imagers.emccd.pixels.multiplication import (

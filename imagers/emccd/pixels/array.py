@@ -181,7 +181,7 @@ class EmccdPixels:
 
     @cached_property
     def pattern(self) -> FixedPattern:
-        """Of the device."""
+        """Fixed pattern of the device."""
         return FixedPattern(self.shape, self.pattern_seed)
 
     def _electrons(self, rows: Exposed, at: Conversion, kelvin: float, row_shift: float) -> Values:

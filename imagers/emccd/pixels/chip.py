@@ -1,7 +1,7 @@
 """Parameters of the CCD97-like chip of the document, each with its source.
 
-Document: seed 003 (Wang, Li, Ye: four drive modes of a frame-transfer EMCCD). Data sheet: E2V
-CCD97-00, which the document cites. Figures that neither prints are marked "assumed".
+Document: 003 of `docs/paper.md` (Wang, Li, Ye: four drive modes of a frame-transfer EMCCD). Data
+sheet: E2V CCD97-00, which the document cites. Figures that neither prints are marked "assumed".
 
 Dark current in inverted mode, over temperature:
 

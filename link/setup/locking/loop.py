@@ -93,7 +93,7 @@ class ClockLock:
 
     @property
     def rms(self) -> float:
-        """Of the phase, ticks."""
+        """Root mean square of the phase, ticks."""
         return float(np.sqrt(np.mean(self.phase**2)))
 
     @property

@@ -35,12 +35,12 @@ class Deadline:
         self._limit = Countdown(seconds, _COUNTED_S)
 
     def now(self) -> float:
-        """As the wrapped port's."""
+        """Time of the wrapped port, s."""
         self._left()
         return self.inner.now()
 
     def close(self) -> None:
-        """As the wrapped port's."""
+        """Closes the wrapped port."""
         self.inner.close()
 
     def _left(self) -> float:

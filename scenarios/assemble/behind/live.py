@@ -1,8 +1,8 @@
-"""The machine of a stream that comes while the run goes on: recorded, sent and shown as it comes.
+"""The machine of a live stream: recorded, sent and shown as it arrives, while the run goes on.
 
-The link and the display are laid out for a number of cycles. So they work while the stream comes
+The link and the display are laid out for a number of cycles. So they work while the stream arrives
 if its length is asked for (`duration`) and, for a rendered display, its white is given. Otherwise,
-and if the stream ends before its time, they are laid out for what came and play it after its end.
+and if the stream ends before its time, they are laid out for what arrived and play it afterwards.
 Either way the result is that of the same stream as a whole file.
 """
 
@@ -37,7 +37,7 @@ from scenarios.assemble.source.recording.opening import Recording as Stream
 
 
 class LiveMachine:
-    """A stream that comes, and the link and the display behind it; see `Machine`.
+    """A live stream, and the link and the display behind it; see `Machine`.
 
     Args:
         name: short name of the scenario.
@@ -229,10 +229,10 @@ class LiveMachine:
         self.input.planes.close()
 
 
-def assemble_coming(
+def assemble_live(
     name: str, scenario: RecordingScenario, device: str | None, progress: Progress
 ) -> LiveMachine:
-    """The machine of a scenario whose stream comes while it runs. Raises InputError."""
+    """The machine of a scenario whose stream is live. Raises InputError."""
     check_window(scenario.image)
     given = open_live(scenario)
     missing, live = _missing(scenario), None

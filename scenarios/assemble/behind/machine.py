@@ -1,8 +1,8 @@
 """The machine of a source and of what stands behind it: a link, and a display or a board.
 
 It is one for every source. The stages behind a source that makes its planes in its own chain, as a
-latched camera does and a stream that comes, run in that chain. Any other source is recorded first,
-and its recording is then played into them.
+latched camera and a live stream do, run in that chain. Any other source is recorded first, and its
+recording is then played into them.
 """
 
 from __future__ import annotations

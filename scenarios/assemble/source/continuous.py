@@ -18,7 +18,7 @@ from cosim.stage import Block
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_instants
 from scenarios.assemble.lens import choose_lens, make_relay
-from scenarios.assemble.readout import refuse_keys, with_section
+from scenarios.assemble.pixel_kinds import refuse_keys, with_section
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.source.feeds import Feed, Planes
 from scenarios.scenes.kinds.grid import SceneGrid

@@ -164,5 +164,5 @@ class Feed:
         return outcome
 
     def renewed(self, machine: Any) -> Feed:
-        """That of the same machine with another plan."""
+        """The feed of the same machine with another plan."""
         return self

@@ -29,7 +29,7 @@ def live(
     """Show the display of a scenario in a window during the simulation (needs the extra view)."""
     from display import open_window
     from scenarios.assemble.behind.readout import refuse_readout
-    from scenarios.assemble.readout import refuse_leftovers
+    from scenarios.assemble.pixel_kinds import refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
 
     name, any_kind = options.load(scenario)

@@ -152,7 +152,7 @@ class Objects:
         return tabulate(self.plates)
 
     def homographies(self, t: float) -> Matrix:
-        """That of each plate at t, s, (n, 3, 3)."""
+        """Homography of each plate at time t, s: (n, 3, 3)."""
         instant = check_instant(t)
         return np.stack([plate.homography(instant, self.shape) for plate in self.plates])
 

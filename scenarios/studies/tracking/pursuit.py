@@ -77,9 +77,9 @@ class Background:
 
     @classmethod
     def learn(cls, pictures: Sequence[Plane]) -> Background:
-        """From two or more pictures without objects. With n pictures, the squares of the residuals
-        are (n - 1) / n of the variance, and a later difference has (n + 1) / n of it. Few pictures
-        give a poor variance of a pixel, so that of its surroundings is taken."""
+        """Mean and variance of two or more pictures without objects. With n pictures, the squares
+        of the residuals are (n - 1) / n of the variance, and a later difference has (n + 1) / n of
+        it. Few pictures give a poor variance of a pixel, so that of its surroundings is taken."""
         n = len(pictures)
         if n < 2:
             raise ValueError(f"a background must have 2 pictures or more, not {n}")

@@ -71,7 +71,7 @@ def _stretches(  # type: ignore[no-untyped-def]
 def weak_error(
     model: EventModel, numbers: npt.NDArray[np.uint32], rates: Reals
 ) -> WeakError | None:
-    """Of pixels under steady light whose first width was sent: the LEAST intervals after it. None
+    """Weak error of pixels under steady light over the LEAST intervals after the first width. None
     where fewer than a quarter of them have stretches. rates: (n,) electrons a picosecond."""
     if not (model.shot and model.change) or model.longest:
         return None

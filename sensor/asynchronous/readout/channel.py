@@ -68,7 +68,7 @@ class Sent:
 
     @property
     def delay(self) -> npt.NDArray[np.int64]:
-        """From firing to having crossed, picoseconds."""
+        """Time from the firing to the end of the crossing, picoseconds."""
         return self.leaves - self.firings.instant
 
 

@@ -159,9 +159,9 @@ class RateEstimate:
 
 
 def log_likelihood(model: EventModel, observed: Observed, rate: Rates) -> Rates:
-    """Of rates > 0 in electrons a second, up to a constant; finite and, in log rate, concave: a
-    threshold's logarithm has a concave log density, and counts cut to an interval vary less than
-    Poisson's."""
+    """Log likelihood of rates > 0, electrons a second, up to a constant; finite and, in log rate,
+    concave: a threshold's logarithm has a concave log density, and counts cut to an interval vary
+    less than Poisson's."""
     q, tick = float(model.threshold), model.tick
     total = np.zeros(rate.shape)
     ticks, times = np.unique(observed.widths, return_counts=True)

@@ -145,9 +145,9 @@ def formula(model: EventModel, stop: int) -> float:
 
 
 def dynamic_range(recovered: list[Recovered], model: EventModel, stop: int) -> dict[str, Metric]:
-    """From the brightest patch down to the dimmest, as long as they are recovered: by all pixels of
-    a patch together, and (`dynamic_range_pixel`) by single pixels. All null where even the
-    brightest is not."""
+    """Range from the brightest patch down to the dimmest, as long as they are recovered: by all
+    pixels of a patch together, and (`dynamic_range_pixel`) by single pixels. All null where even
+    the brightest is not."""
     good = list(takewhile(lambda one: one.good, recovered))
     single = list(takewhile(lambda one: one.alone >= ALONE, recovered))
     top, low = (good[0], good[-1]) if good else (None, None)

@@ -191,7 +191,8 @@ class RateControl:
     def send(self, now: int, bits: int | None = None) -> list[Sent]:
         """Packets that have left by cycle `now`, and the cycles that each has waited.
 
-        bits: that the link has carried since the last call; those of the budget when None.
+        bits: number of bits that the link has carried since the last call; those of the budget
+            when None.
         """
         if bits is None:
             bits = int(self.budget * now) - int(self.budget * self._before)

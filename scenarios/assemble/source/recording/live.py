@@ -1,4 +1,4 @@
-"""A stream that comes while the run goes on: its planes, how late they are, and its chain.
+"""A live stream, read while the run goes on: its planes, how late they are, and its chain.
 
 `wait` and `step` of the planes are called in two threads of a chain. `wait` holds the chain back
 until the planes of a block are there, so that no stage ever waits within a block: an interrupted
@@ -305,7 +305,7 @@ class _Received:
 
 @dataclass
 class LiveChain(BlockChain):
-    """Records a stream, and sends and shows it if its length is known, as it comes.
+    """Records a live stream, and sends and shows it meanwhile if its length is known.
 
     The chain ends early if the stream does. Then, and when it is interrupted, the recording holds
     all whole planes that have come.

@@ -202,7 +202,7 @@ class RecordedFeed(Feed):
     """A recorded stream."""
 
     def __init__(self, machine: RecordingMachine, live: bool = False) -> None:
-        """live: whether the stream comes while the run goes on; its white is told at the end."""
+        """live: whether the stream is read while the run goes on; its white is told at the end."""
         found = machine.recording
         super().__init__(
             found.shape, found.clock, found.cycles, found.white_rate,

@@ -1,4 +1,4 @@
-"""Opens the stream of a scenario, recorded or one that comes: size, clock, length, white."""
+"""Opens the stream of a scenario, recorded or live: size, clock, length, white."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ _KEYS: Final = "sensor.width and sensor.height"
 
 @dataclass(frozen=True, eq=False)
 class LiveInput:
-    """A stream that comes.
+    """A live stream.
 
     Attributes:
         planes: its planes.
@@ -256,13 +256,13 @@ class LiveInput:
         return [*notes, *(note.replace("--size says", f"{_KEYS} say") for note in others)]
 
 
-def comes(section: RecordedSection) -> bool:
-    """Whether a stream comes while the run goes on: by a pipe, or as a file that is followed."""
+def is_live(section: RecordedSection) -> bool:
+    """Whether a stream is live, read while the run goes on: a pipe, or a file that is followed."""
     return section.source.startswith(PIPE) or section.source_timeout is not None
 
 
 def refuse_pipe(scenario: AnyScenario, command: str) -> None:
-    """Raises InputError for a scenario whose stream comes by a pipe, for commands that read it more
+    """Raises InputError for a scenario whose stream is a pipe, for commands that read it more
     than once."""
     if isinstance(scenario, RecordingScenario) and scenario.sensor.source.startswith(PIPE):
         raise InputError(

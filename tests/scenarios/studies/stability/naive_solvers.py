@@ -1,5 +1,5 @@
 """Naive ways through the stiff pixel: what cases 7, 8, 9, 13, 14, 15 and 21 of the stability suite
-must catch. Each has the shape of the method that ships (see scenarios/stability)."""
+must catch. Each has the shape of the method that ships (see sensor/stability)."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from cosim import Clock, InputError, Interrupted, Viform
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
-from scenarios.assemble.behind.live import assemble_coming
+from scenarios.assemble.behind.live import assemble_live
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.messages import validate
 from scenarios.assemble.source.recording import live
@@ -145,7 +145,7 @@ def test_what_is_kept_does_not_grow_with_the_stream(tmp_path):
         height=64,
     )  # fmt: skip
     counted = Counted(1280, 5120)
-    machine = assemble_coming("a", given, None, counted)
+    machine = assemble_live("a", given, None, counted)
     (tmp_path / "run").mkdir()
     chain = machine.chain(tmp_path / "run")
     tracemalloc.start()
