@@ -113,7 +113,7 @@ def _display(assignments: tuple[str, ...], device: str | None) -> Display:
     if shown is None:
         raise InputError(
             "out", "given for what a display in memory has not: a link, a camera, a board, or a "
-            "stream that comes", "None", "add out and the folder of a run",
+            "live stream", "None", "add out and the folder of a run",
         )  # fmt: skip
     return Display.of(shown, device)
 

@@ -31,8 +31,8 @@ with light, but ever less. The document leaves this part out of the dynamic rang
 package. This module computes what the part would add. The document does not print the curve: an
 exponential approach with a continuous slope is assumed.
 
-This file also covers from a chain's values to an output of few bits: linear and gamma mapping, and
-what of the dynamic range is left.
+This file also covers the mapping of a chain's values to an output of few bits, linear or by a gamma
+curve, and what of the dynamic range is left.
 
 An output of L = 2^bits - 1 steps shows, at the least, its first step. Mapped by y = x^(1/gamma)
 that step stands for x = L^-gamma, so an output holds gamma 20 log10(L) dB: 48.1 dB linear in 8

@@ -32,7 +32,7 @@ class RecordedSection(Section):
     )
     source_latency: Time = Field(
         default=LATENCY,
-        description="latency of the source of a stream that comes: a plane is late if its "
+        description="latency of the source of a live stream: a plane is late if its "
         "processing begins later than its time, by sensor.clock from the first plane on, plus this",
     )
     bit_order: BitOrder = Field(

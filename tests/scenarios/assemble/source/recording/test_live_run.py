@@ -1,4 +1,4 @@
-"""Runs of streams that come: the same result as of a whole file, and what stays of them."""
+"""Runs of live streams: the same result as of a whole file, and what stays of them."""
 
 import gc
 import math
@@ -38,7 +38,7 @@ CARRIED = SHOWN | {"link": LINK, "code": {"cycles": 32, "buffer": "1 ms"}}
 COUNTED = {
     "planes_received", "planes_rate", "planes_late", "planes_delay_s", "bytes_incomplete",
 }  # fmt: skip
-"""Metrics of a stream that comes alone."""
+"""Metrics that only a live stream has."""
 
 
 @pytest.fixture(scope="module")
