@@ -18,6 +18,7 @@ from scenarios.assemble.schema.scenario import (
     ImagerScenario,
     LinkScenario,
     Scenario,
+    StreamScenario,
 )
 from scenarios.assemble.source.latched.memory import DISPLAY, PROGRAM, SEEN, SHOWN
 
@@ -60,7 +61,7 @@ def _source(scenario: AnyScenario) -> int:
 def least_memory(scenario: AnyScenario) -> int:
     """Bytes that a run of a scenario needs at least."""
     need = _source(scenario)
-    if isinstance(scenario, BoardScenario | LinkScenario):
+    if not isinstance(scenario, StreamScenario):
         return need
     if scenario.link is not None and scenario.link.sensor is not None:
         need = max(need, _LINK[0] + _LINK[1] * _pixels(scenario.link.sensor))
