@@ -44,7 +44,9 @@ class Drive:
         glsl: `level` in GLSL, a vec4 of four pixels. `fired`: uvec4, 1 where a spike is in this
             plane. With `spikes` > 0 also `held`: 1 / tau, 0 before the second spike; `run`: planes
             since the last spike before this plane, infinite before the first; `inverse`: 1 / run;
-            AGE: planes since the last spike, as above; `memory`.
+            AGE: planes since the last spike, as above; `memory`. It is compiled as OpenCL C too
+            (display/render/planes.cl): arithmetic, min, max, clamp, pow and vec4(number), without
+            comparisons. The first argument of min, max and clamp is a vector.
         fluctuation: (rate, variance, reach) -> standard deviation of the light of a plane, times
             the root of the number of planes for which it is constant, packets. rate: spikes a
             cycle. variance: variance of 1 / tau over the squared rate. reach: number of planes

@@ -17,7 +17,8 @@ from scenarios.assemble.schema.scenario import (
     BoardScenario,
     ImagerScenario,
     LinkScenario,
-    RecordingScenario,
+    Scenario,
+    StreamScenario,
 )
 from scenarios.assemble.source.latched.memory import DISPLAY, PROGRAM, SEEN, SHOWN
 
@@ -32,8 +33,9 @@ _LINK: Final = (610 * _MIB, 1430)
 _IMAGER: Final = 360 * _MIB
 """Program of an imager with its pixels; those that ship take .29 to .42 GiB."""
 _BOARD: Final = 250 * _MIB
-_RECORDED: Final = 330 * _MIB
-"""Program that makes images of a recorded stream, whose size only its file states."""
+_PROGRAM: Final = 330 * _MIB
+"""Program that makes images of a stream of any other source: of a recording only its file states
+the size."""
 
 
 def _pixels(sensor: Any) -> int:
@@ -47,26 +49,24 @@ def _source(scenario: AnyScenario) -> int:
         return _BOARD
     if isinstance(scenario, ImagerScenario):
         return _IMAGER
-    if isinstance(scenario, RecordingScenario):
-        return _RECORDED
     if isinstance(scenario, LinkScenario):
         program, each = _LINK
-    else:
+    elif isinstance(scenario, Scenario):
         program, each = _CLOCKLESS.get(scenario.sensor.pixel, (PROGRAM, 0))
+    else:
+        return _PROGRAM
     return program + each * _pixels(scenario.sensor)
 
 
 def least_memory(scenario: AnyScenario) -> int:
     """Bytes that a run of a scenario needs at least."""
     need = _source(scenario)
-    if isinstance(scenario, BoardScenario | LinkScenario):
+    if not isinstance(scenario, StreamScenario):
         return need
     if scenario.link is not None and scenario.link.sensor is not None:
         need = max(need, _LINK[0] + _LINK[1] * _pixels(scenario.link.sensor))
     if scenario.display is not None:
-        pixels = 0
-        if not isinstance(scenario, ImagerScenario | RecordingScenario):
-            pixels = _pixels(scenario.sensor)
+        pixels = _pixels(scenario.sensor) if isinstance(scenario, Scenario) else 0
         need = max(need, SHOWN + (DISPLAY + SEEN) * pixels)
     return need
 

@@ -11,7 +11,7 @@ import copy
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from cosim import InputError
 from cosim.config.units import KINDS, parse_quantity
@@ -19,6 +19,7 @@ from cosim.run.machine import Options
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.messages import validate
+from scenarios.scenes.catalogue import SceneSection
 
 Node = dict[str, Any]
 Data = dict[str, Any]
@@ -27,7 +28,10 @@ INPUTS: Final = ("picture.png", "frames.npy", "recording.npz", "recording.dat",
                  "recording.events.npz", "sent.txt")  # fmt: skip
 """Files that scenarios name; `tests.fuzz.judging` makes them."""
 
-_SCENES = ("film", "wave", "shockwave", "star", "step", "sun-and-stars", "target", "objects")
+_SCENES = tuple(
+    get_args(scene.model_fields["kind"].annotation)[0]
+    for scene in get_args(get_args(SceneSection)[0])
+)
 _SMALL: Final = {"width": 24, "height": 16}
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
@@ -12,14 +13,7 @@ from pydantic_core import SchemaError, SchemaSerializer
 
 from cosim.config.quantity import Quantity
 from cosim.config.units import readable_quantity
-from scenarios.assemble.schema.scenario import (
-    BoardScenario,
-    ImagerScenario,
-    LinkScenario,
-    RecordingScenario,
-    Scenario,
-    imager_scenario,
-)
+from scenarios.assemble.schema.scenario import KINDS, AnyScenario
 
 
 class _AsWritten(GenerateJsonSchema):
@@ -43,11 +37,10 @@ class _AsWritten(GenerateJsonSchema):
 def export() -> dict[str, Any]:
     """The JSON Schema of all kinds of scenarios. A key that is a quantity has the entry `quantity`:
     its kind, its limits as text, and whether "none" is accepted."""
-    return _export(imager_scenario())
+    return _export(tuple(kind.whole() for kind in KINDS))
 
 
 @cache
-def _export(imager: type[ImagerScenario]) -> dict[str, Any]:
-    kinds: Any = Scenario | LinkScenario | BoardScenario | imager | RecordingScenario
-    whole: TypeAdapter[Any] = TypeAdapter(kinds)
+def _export(kinds: tuple[type[AnyScenario], ...]) -> dict[str, Any]:
+    whole: TypeAdapter[Any] = TypeAdapter(reduce(or_, kinds))
     return whole.json_schema(mode="validation", schema_generator=_AsWritten)

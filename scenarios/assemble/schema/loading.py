@@ -20,8 +20,8 @@ from scenarios.assemble.schema.scenario import (
     AnyScenario,
     ImagerScenario,
     LinkScenario,
-    RecordingScenario,
     Scenario,
+    kind_of,
 )
 from scenarios.scenes.catalogue import scene_keys
 
@@ -232,19 +232,9 @@ def filmed(scenario: AnyScenario, command: str) -> Scenario:
             "the scenario", f"one with a [scene] for `viform {command}`"
             if not isinstance(scenario, ImagerScenario)
             else f"one of a spike camera for `viform {command}`",
-            f"one of {_kind(scenario)}", "see `viform list`",
+            f"one of {kind_of(scenario).words}", "see `viform list`",
         )  # fmt: skip
     return scenario
-
-
-def _kind(scenario: AnyScenario) -> str:
-    if isinstance(scenario, Scenario):
-        return "a spike camera"
-    if isinstance(scenario, ImagerScenario):
-        return "another imager"
-    if isinstance(scenario, RecordingScenario):
-        return "a recorded stream"
-    return "a link" if isinstance(scenario, LinkScenario) else "a board"
 
 
 def linked(scenario: AnyScenario, command: str) -> LinkScenario:
@@ -252,7 +242,7 @@ def linked(scenario: AnyScenario, command: str) -> LinkScenario:
     scenario."""
     if not isinstance(scenario, LinkScenario):
         scene = isinstance(scenario, Scenario)
-        other = "one with a [scene]" if scene else f"one of {_kind(scenario)}"
+        other = "one with a [scene]" if scene else f"one of {kind_of(scenario).words}"
         raise InputError(
             "the scenario", f"one with a [link] for `viform {command}`", other,
             "name light-link, or a file with a [link]",

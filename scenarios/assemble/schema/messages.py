@@ -15,15 +15,8 @@ from pydantic import BaseModel, ValidationError
 from cosim import InputError
 from cosim.errors import quote, shorten
 from scenarios.assemble.schema.export import export
-from scenarios.assemble.schema.order import check_order, is_recording
-from scenarios.assemble.schema.scenario import (
-    AnyScenario,
-    BoardScenario,
-    LinkScenario,
-    RecordingScenario,
-    Scenario,
-    imager_scenario,
-)
+from scenarios.assemble.schema.order import check_order
+from scenarios.assemble.schema.scenario import AnyScenario, kind_of_data
 
 
 @dataclass(frozen=True)
@@ -253,10 +246,8 @@ def _one_line(error: Any, whole: type[BaseModel], data: Any = None) -> InputErro
 def validate(data: dict[str, Any]) -> AnyScenario:
     """Checks the data of a scenario.
 
-    The section [board] or [imager] selects the kind of scenario, a recorded stream as
-    sensor.source, or a [link] without a [scene]; without one of them, it is the scenario of a spike
-    camera. Raises InputError with one error in one line: the first wrong value, else the first key
-    that is missing.
+    Its sections select the kind of scenario (`KINDS` in scenario.py). Raises InputError with one
+    error in one line: the first wrong value, else the first key that is missing.
     """
     if not data:
         raise InputError(
@@ -264,15 +255,7 @@ def validate(data: dict[str, Any]) -> AnyScenario:
             "begin with the scenario.toml of a run",
         )  # fmt: skip
     check_order(data)
-    whole: type[AnyScenario] = Scenario
-    if "board" in data:
-        whole = BoardScenario
-    elif "imager" in data:
-        whole = imager_scenario()
-    elif is_recording(data):
-        whole = RecordingScenario
-    elif "link" in data and "scene" not in data:
-        whole = LinkScenario
+    whole = kind_of_data(data).whole()
     try:
         return whole.model_validate(data)
     except ValidationError as exc:

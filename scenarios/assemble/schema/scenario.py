@@ -1,10 +1,12 @@
-"""The schemas of the five kinds of scenarios."""
+"""The schemas of the kinds of scenarios, and their catalogue."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, reduce
 from operator import or_
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, create_model, model_validator
 
@@ -17,6 +19,7 @@ from imagers.common.kind import ImagerLens, ImagerSection
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
 from scenarios.assemble.schema.filming import CameraSection
+from scenarios.assemble.schema.order import Data, is_recording
 from scenarios.scenes.catalogue import SceneSection
 from sensor.codec.packets.section import CodeSection
 from sensor.sections.readout import ReadoutSection
@@ -188,3 +191,45 @@ def _with_sections(sections: tuple[type[ImagerSection], ...]) -> type[ImagerScen
     return create_model(
         "ImagerScenario", __base__=ImagerScenario, __doc__=ImagerScenario.__doc__, imager=(one, ...)
     )
+
+
+@dataclass(frozen=True)
+class ScenarioKind:
+    """A kind of scenario.
+
+    Attributes:
+        words: name in messages, such as "a board".
+        scenario: class of its scenarios.
+        selected: whether it is the kind of these data, which `order.check_order` accepts.
+        schema: returns the schema, where sections of a catalogue complete the class.
+    """
+
+    words: str
+    scenario: type[AnyScenario]
+    selected: Callable[[Data], bool]
+    schema: Callable[[], type[AnyScenario]] | None = None
+
+    def whole(self) -> type[AnyScenario]:
+        """The schema of its scenarios."""
+        return self.scenario if self.schema is None else self.schema()
+
+
+KINDS: Final[list[ScenarioKind]] = [
+    ScenarioKind("a spike camera", Scenario, lambda data: True),
+    ScenarioKind("a link", LinkScenario, lambda data: "link" in data and "scene" not in data),
+    ScenarioKind("a board", BoardScenario, lambda data: "board" in data),
+    ScenarioKind("another imager", ImagerScenario, lambda data: "imager" in data, imager_scenario),
+    ScenarioKind("a recorded stream", RecordingScenario, is_recording),
+]
+"""The kinds in the order of the exported schema. The last one that is selected is that of a
+scenario."""
+
+
+def kind_of_data(data: Data) -> ScenarioKind:
+    """The kind of scenario of these data."""
+    return next(kind for kind in reversed(KINDS) if kind.selected(data))
+
+
+def kind_of(scenario: AnyScenario) -> ScenarioKind:
+    """The kind of a scenario."""
+    return next(kind for kind in KINDS if isinstance(scenario, kind.scenario))

@@ -34,7 +34,7 @@ class SendOptions:
     cell: Annotated[int, typer.Option(help="panel pixels to a cell's side")] = 2
     ticks: Annotated[int, typer.Option(help="planes to a symbol")] = 2
     line: Annotated[
-        str, typer.Option(help="code along time: scrambled, none, manchester, 4b6b or 8b10b")
+        str, typer.Option(help="code along time, a value of the key link.line except auto")
     ] = "8b10b"
     parity: Annotated[int, typer.Option(help="bytes of 255 that are parity: 16 to 128")] = 32
     rate: Annotated[

@@ -11,13 +11,7 @@ from pydantic import BaseModel
 
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.keys import Key, keys, table
-from scenarios.assemble.schema.scenario import (
-    BoardScenario,
-    LinkScenario,
-    RecordingScenario,
-    Scenario,
-    imager_scenario,
-)
+from scenarios.assemble.schema.scenario import KINDS
 from tests.scenarios.assemble.schema.test_schema import faults
 
 ROOT = Path(__file__).parents[4]
@@ -54,8 +48,7 @@ def names(model: type[BaseModel], at: str = "") -> set[str]:
 
 
 def test_every_key_is_listed() -> None:
-    kinds = Scenario, LinkScenario, BoardScenario, RecordingScenario, imager_scenario()
-    assert {key.name for key in keys()} == set().union(*map(names, kinds))
+    assert {key.name for key in keys()} == set().union(*(names(kind.whole()) for kind in KINDS))
 
 
 def key(name: str, kind: str | None = None) -> Key:
