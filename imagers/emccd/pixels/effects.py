@@ -232,7 +232,9 @@ def emccd_effects(terms: Terms) -> dict[str, Effect]:
         effect(
             "multiplication noise", "Robbins and Hadwen 2003", Stream.IMAGER_GAIN, multiplication
         ),
-        effect("register overflow", "document 003, figure 4c", Stream.NONE, register_over, sure=False),
+        effect(
+            "register overflow", "document 003, figure 4c", Stream.NONE, register_over, sure=False
+        ),
         effect("read noise", sheet, Stream.IMAGER_READ, read),
     )  # fmt: skip
     return {e.name: e for e in rows}
