@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from cosim.config.units import KINDS
+from cosim.config.units import KINDS as QUANTITIES
 from scenarios.assemble.schema.export import export
+from scenarios.assemble.schema.scenario import KINDS
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,7 @@ class Key:
         ) if part)  # fmt: skip
 
 
-_SCENARIOS = ("camera", "link", "board", "imager", "recording")
-"""Kinds of scenarios, in the order of the schema: a camera before a scene, ..."""
-_KINDS = frozenset(map(str, KINDS.values()))
+_QUANTITIES = frozenset(map(str, QUANTITIES.values()))
 _TYPES = {"integer": "a whole number", "number": "a number", "string": "text",
           "boolean": "true or false", "array": "a list", "object": "a section"}  # fmt: skip
 _LIMITS = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below",
@@ -80,7 +79,7 @@ def _one(node: dict[str, Any], example: str | None) -> str:
         if example is not None and node["type"] in ("string", "array"):
             text += f" such as {example}"
     else:
-        kind = KINDS[quantity["kind"]]
+        kind = QUANTITIES[quantity["kind"]]
         given = example or f"'{kind.example}'"
         text = str(kind).replace(f"'{kind.example}'", given.replace('"', "'"))
         limits = {word: quantity.get(word) for word in _LIMITS}
@@ -124,7 +123,7 @@ def _walk(node: dict[str, Any], at: str, kind: str) -> Iterator[tuple[Key, str]]
         shown = None if name in required else json.dumps(default, ensure_ascii=False)
         accepts = _accepts({**inner, "anyOf": rest} if sections else inner, default)
         meaning = _resolved(inner).get("description", "")
-        if meaning in _KINDS:  # which `accepts` has
+        if meaning in _QUANTITIES:  # which `accepts` has
             meaning = ""
         yield Key(path, (), accepts, "none" if shown == "null" else shown, meaning), kind
 
@@ -133,13 +132,14 @@ def _walk(node: dict[str, Any], at: str, kind: str) -> Iterator[tuple[Key, str]]
 def keys() -> tuple[Key, ...]:
     """All keys of all kinds of scenarios, by name."""
     kinds: dict[Key, list[str]] = {}
-    for node, kind in zip(export()["anyOf"], _SCENARIOS, strict=True):
-        for key, one in _walk(_resolved(node), "", kind):
+    for node, kind in zip(export()["anyOf"], KINDS, strict=True):
+        for key, one in _walk(_resolved(node), "", kind.name):
             kinds.setdefault(key, []).append(one)
+    scenarios = {kind.name for kind in KINDS}
     forms = Counter(key.name for key in kinds)
     found = []
     for key, of in kinds.items():
-        everywhere = forms[key.name] == 1 and set(of) <= set(_SCENARIOS)
+        everywhere = forms[key.name] == 1 and set(of) <= scenarios
         found.append(replace(key, of=() if everywhere else tuple(dict.fromkeys(of))))
     return tuple(sorted(found, key=lambda key: key.name))
 

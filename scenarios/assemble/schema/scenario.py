@@ -198,12 +198,14 @@ class ScenarioKind:
     """A kind of scenario.
 
     Attributes:
+        name: name in the list of keys.
         words: name in messages, such as "a board".
         scenario: class of its scenarios.
         selected: whether it is the kind of these data, which `order.check_order` accepts.
         schema: returns the schema, where sections of a catalogue complete the class.
     """
 
+    name: str
     words: str
     scenario: type[AnyScenario]
     selected: Callable[[Data], bool]
@@ -215,11 +217,15 @@ class ScenarioKind:
 
 
 KINDS: Final[list[ScenarioKind]] = [
-    ScenarioKind("a spike camera", Scenario, lambda data: True),
-    ScenarioKind("a link", LinkScenario, lambda data: "link" in data and "scene" not in data),
-    ScenarioKind("a board", BoardScenario, lambda data: "board" in data),
-    ScenarioKind("another imager", ImagerScenario, lambda data: "imager" in data, imager_scenario),
-    ScenarioKind("a recorded stream", RecordingScenario, is_recording),
+    ScenarioKind("camera", "a spike camera", Scenario, lambda data: True),
+    ScenarioKind(
+        "link", "a link", LinkScenario, lambda data: "link" in data and "scene" not in data
+    ),
+    ScenarioKind("board", "a board", BoardScenario, lambda data: "board" in data),
+    ScenarioKind(
+        "imager", "another imager", ImagerScenario, lambda data: "imager" in data, imager_scenario
+    ),
+    ScenarioKind("recording", "a recorded stream", RecordingScenario, is_recording),
 ]
 """The kinds in the order of the exported schema. The last one that is selected is that of a
 scenario."""

@@ -8,7 +8,7 @@ In the packages it would be a file in `scenarios/assemble/source/`, its scenario
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +34,7 @@ from link.section import LinkSection
 from scenarios.assemble import machine as assembling
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.filming import CameraSection
+from scenarios.assemble.schema.keys import keys
 from scenarios.assemble.schema.scenario import KINDS, ImageSection, ScenarioKind
 from scenarios.assemble.source.feeds import Feed, Planes
 from sensor.codec.packets.section import CodeSection
@@ -159,7 +160,7 @@ class PatternFeed(Feed):
 
 
 @pytest.fixture(autouse=True)
-def pattern(monkeypatch: pytest.MonkeyPatch) -> None:
+def pattern(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The two places where a source is named."""
     others = assembling._source
 
@@ -168,10 +169,14 @@ def pattern(monkeypatch: pytest.MonkeyPatch) -> None:
             return PatternMachine(name, scenario), PatternFeed
         return others(name, scenario, options)
 
-    kind = ScenarioKind("a pattern", PatternScenario, lambda data: "pattern" in data)  # type: ignore[arg-type]
-    monkeypatch.setattr("scenarios.assemble.schema.scenario.KINDS", [*KINDS, kind])
-    monkeypatch.setattr("scenarios.assemble.schema.export.KINDS", [*KINDS, kind])
     monkeypatch.setattr(assembling, "_source", source)
+    KINDS.append(
+        ScenarioKind("pattern", "a pattern", PatternScenario, lambda data: "pattern" in data)  # type: ignore[arg-type]
+    )
+    keys.cache_clear()
+    yield
+    KINDS.pop()
+    keys.cache_clear()
 
 
 @pytest.fixture
@@ -193,6 +198,8 @@ def test_it_runs_from_a_scenario(viform: Any, scenario: Path, tmp_path: Path) ->
 
 def test_the_schema_names_it_and_wrong_keys_are_refused(refused: Any, scenario: Path) -> None:
     assert "PatternScenario" in export()["$defs"]
+    (key,) = (key for key in keys() if key.name == "pattern.rate")
+    assert key.default == "0.3"
     line = refused("run", scenario, "--set", "pattern.rat=0.3")
     assert "did you mean pattern.rate?" in line
     line = refused("plan", scenario)
