@@ -1,9 +1,9 @@
 """Captured frames of a board: their clock, and their comparison with the cycle model.
 
-The cycle model is imported in the function that needs it, because it imports numba.
+A board's reading of its charges is compared with the camera model's of the same charges as well.
 
-This file also covers a board's reading of its charges, compared with the camera model's of the same
-charges.
+The models are imported in the functions that need them: the cycle model imports numba, and the
+sensor's needs what Windows lacks, where boards are brought up too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from rtl_model.bringup.bench.bench import Burst
 from rtl_model.bringup.bench.wrong_bits import compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, Reading, capture, read_charges
-from sensor.reconstruct.readings import quantised
 
 
 def frame_clock(board: Board) -> Clock:
@@ -102,5 +101,7 @@ def read_and_compare(board: Board, levels: int) -> tuple[Reading, npt.NDArray[np
         settings = Settings.from_registers(registers, first)
         planes(size, settings, image, min(_FRAMES, reading.frames - first), charge)
     # A charge that a saturated pixel holds above the threshold has no level of its own.
+    from sensor.reconstruct.readings import quantised
+
     expected = quantised(charge, quantum(registers["sensor_threshold"]), levels)
     return reading, np.minimum(expected, np.uint16(levels - 1))
