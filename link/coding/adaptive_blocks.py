@@ -24,7 +24,6 @@ import numpy.typing as npt
 from link.coding.blocks import FRAME_SPENT
 from link.coding.ldpc import Ldpc
 from link.coding.soft_blocks import SoftBlocks
-from link.layout import PERIOD
 from link.mode import EVERY_RATE
 
 HEADER: Final = 256
@@ -77,6 +76,7 @@ class AdaptiveBlocks(SoftBlocks):
     """
 
     number: int = len(EVERY_RATE) - 1
+    least_bits: ClassVar[int] = _LEAST
 
     rows: ClassVar[npt.NDArray[np.uint8]] = _rows()
 
@@ -96,11 +96,6 @@ class AdaptiveBlocks(SoftBlocks):
     @cached_property
     def _others(self) -> dict[int, AdaptiveBlocks]:
         return {}
-
-    @cached_property
-    def groups(self) -> int:
-        least, turn = -(-_LEAST // self._group_bits), PERIOD // self.layout.group
-        return next(n for n in range(least, PERIOD * least) if n >= turn or turn % n == 0)
 
     @property
     def _bits(self) -> int:

@@ -28,7 +28,6 @@ from link.coding.soft_blocks import SoftBlocks, mark_changed
 from link.line_codes import decode_line
 
 Flags = npt.NDArray[np.bool_]
-_Bytes = npt.NDArray[np.uint8]
 Bytes = npt.NDArray[np.uint8]
 
 
@@ -104,8 +103,8 @@ class ReedSolomonReader:
         return ReadWords(data, ok, sound, changed, int(changed.sum()), 0)
 
     def _correct(
-        self, words: _Bytes, quality: npt.NDArray[np.float32]
-    ) -> tuple[_Bytes, Flags, Flags]:
+        self, words: Bytes, quality: npt.NDArray[np.float32]
+    ) -> tuple[Bytes, Flags, Flags]:
         """Corrected codewords, where there is one, and where it is accepted on its own."""
         corrected, ok, _ = self._code.repair(words)
         sound = ok.copy()

@@ -194,11 +194,12 @@ class SoftBlocks(Blocks):
     """Blocks of one layout, of a mode with a rate; see `Blocks`."""
 
     most_words: ClassVar[int] = 2
+    least_bits: ClassVar[int] = _LEAST
 
     @cached_property
     def groups(self) -> int:
         """Groups in a block. Whole blocks fill the period of the pilots."""
-        least, turn = -(-_LEAST // self._group_bits), PERIOD // self.layout.group
+        least, turn = -(-self.least_bits // self._group_bits), PERIOD // self.layout.group
         return next(n for n in range(least, PERIOD * least) if n >= turn or turn % n == 0)
 
     @property

@@ -19,7 +19,6 @@ _TERMIOS2 = struct.Struct("=4IB19B2I")
 _TCGETS2 = 0x802C542A  # asm-generic/ioctls.h: _IOR('T', 0x2A, struct termios2)
 _TCSETS2 = 0x402C542B
 _CBAUD, _BOTHER = 0o010017, 0o010000
-_SPEED = 22  # place of c_ospeed among the fields
 _PTYS = "/dev/pts/"
 
 

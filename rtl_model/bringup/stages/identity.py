@@ -10,7 +10,6 @@ from rtl_model.host import Board, Cause, LineFault
 from rtl_model.registers import MAGIC, VERSION, identifier
 
 _MOST_ROWS, _MOST_COLUMNS = 4095, 4096
-_BAUD_SLACK = 0.06  # relative difference of the host's baud and the board's nominal one
 
 
 def check_identity(bench: Bench) -> Figures:
