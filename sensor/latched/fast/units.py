@@ -9,7 +9,7 @@ if the distribution of intervals has a long tail (24 at one electron).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil, floor, log2
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
+from cosim.compute.cores import by_rows
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from sensor.latched.pixel.interval import KNOTS
@@ -192,8 +193,17 @@ def first_charge(
 ) -> npt.NDArray[np.int32]:
     """State before the first cycle, (n,): the exact tier's, rounded. flags: (n,) of each pixel."""
     charge = np.empty(pixels.shape, np.int32)
-    for begin in range(0, pixels.size, _PIECE):
-        part = slice(begin, begin + _PIECE)
+    by_rows(partial(_first, model, units), pixels.size, pixels, flags, charge)
+    return charge
+
+
+def _first(
+    model: ExactModel, units: Units, first: int, stop: int, pixels: npt.NDArray[np.uint32],
+    flags: npt.NDArray[np.uint8], charge: npt.NDArray[np.int32],
+) -> None:  # fmt: skip
+    """`first_charge` of the pixels from `first` to `stop`."""
+    for begin in range(first, stop, _PIECE):
+        part = slice(begin, min(begin + _PIECE, stop))
         noisy = (flags[part] & NOISE) != 0
         if noisy.all():  # in most planes all pixels have the same flags
             charge[part] = _noisy(model, units, pixels[part])
@@ -202,7 +212,6 @@ def first_charge(
             charge[part][noisy] = _noisy(model, units, pixels[part][noisy])
         still = flags[part][~noisy]
         charge[part][~noisy] = _steady(model, units, pixels[part][~noisy], still)
-    return charge
 
 
 def _noisy(
