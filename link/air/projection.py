@@ -7,10 +7,9 @@ a pixel is applied afterwards on the camera's grid. A shift of the image (vibrat
 Deviation from direct integration (tests/link/air/golden.py), at 0.3 to 4 camera pixels for each
 panel pixel and any rotation: 0.012 of white RMS, 0.05 at the worst pixel.
 
-This file also covers the sum of four by four taps in vector instructions: one multiplication for
-each row of taps.
-
-Numba has no vectors of its own, so the instructions are stated to its compiler.
+The usual table has four by four taps. They are summed in vector instructions, one multiplication
+for each row of taps. Numba has no vectors of its own, so the instructions are stated to its
+compiler.
 """
 
 from __future__ import annotations
@@ -31,48 +30,8 @@ from link.air.geometry import affine_at
 from link.air.kernel import Psf, kernel_table, taps
 
 _LANE = ir.IntType(32)
-
-
-@intrinsic
-def _four_by_four(typing, weights, first, plane, place, stride):  # type: ignore[no-untyped-def]
-    """Sum of 16 products, float32; for compiled code only, and without bound checks.
-
-    The products are added row by row in each column, then (column 0 + 1) + (column 2 + 3).
-
-    Args:
-        weights: (n,) float32, row-major sets of 16 weights.
-        first: index of the set's first weight, uint64.
-        plane: (m,) float32, a flat plane.
-        place: index in `plane` of the first tap, uint64.
-        stride: elements of a row of the plane, uint64.
-    """
-
-    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        four = ir.VectorType(ir.FloatType(), 4)
-
-        def load(array, index):  # type: ignore[no-untyped-def]
-            data = context.make_array(signature.args[array])(context, builder, args[array]).data
-            at = builder.bitcast(builder.gep(data, [index]), four.as_pointer())
-            return builder.load(at, align=4)
-
-        _, weight, _, tap, step = args
-        total = builder.fmul(load(0, weight), load(2, tap))
-        for row in range(1, 4):
-            tap = builder.add(tap, step)
-            row_of_weights = load(0, builder.add(weight, ir.Constant(weight.type, 4 * row)))
-            total = builder.fadd(total, builder.fmul(row_of_weights, load(2, tap)))
-        a, b, c, d = (builder.extract_element(total, ir.Constant(_LANE, n)) for n in range(4))
-        return builder.fadd(builder.fadd(a, b), builder.fadd(c, d))
-
-    return types.float32(weights, first, plane, place, stride), generate
-
-
-four_by_four: Any = _four_by_four
-
-
 Places = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 """Patches of a camera: their rows, (patches, a), and their columns, (patches, b)."""
-
 _PHASES: Final = {2: 128, 4: 64}
 """Sub-pixel positions of a table along each axis, by its number of taps."""
 _FEWER: Final = 32
@@ -88,107 +47,19 @@ _MOST_DISC: Final = 200.0
 """Largest radius of defocus, camera pixels; a wider disc is clipped to it."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _project(  # type: ignore[no-untyped-def]
-    padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
-    out,
-):  # fmt: skip
-    """Fills `out`, (len(rows), len(columns)) float32, for a camera of `shape`.
-
-    All arrays are flat. The places in a row are found first, in a loop that the compiler vectorises
-    (conversions to 32 bits have vector instructions, and division without a check for zero), then
-    the taps are summed. A record as argument would prevent it, hence the long list of arguments.
-
-    Args:
-        padded: (high wide,) float32, the panel with `pad` zeros on every side.
-        inverse: (9,) homography from camera to panel, row-major.
-        dx, dy: shift of the image, camera pixels.
-        tables: (regions^2, phases, phases, count, count) weights, flattened.
-        rows, columns: camera pixels to compute.
-    """
-    (height, width), across = shape, len(columns)
-    shift = np.float64(pad - (count // 2 - 1))
-    last_u, last_v = np.float64(wide - count), np.float64(high - count)
-    a, b, c, d, e, f, g, h, i = inverse
-    places, firsts = np.empty(across, np.int32), np.empty(across, np.int32)
-    region, stride = np.zeros(across, np.int32), np.uint64(wide)
-    along = columns - dx
-    step, steps, size = np.int32(wide), np.int32(phases), np.int32(count * count)
-    for row in range(len(rows)):
-        y = rows[row] - dy
-        if regions > 1:
-            line = rows[row] * regions // height * regions
-            for column in range(across):
-                region[column] = line + columns[column] * regions // width
-        for column in range(across):
-            x = along[column]
-            depth = g * x + h * y + i
-            scale = 1.0 / depth
-            # depth <= 0: beyond the horizon of the panel's plane, behind the lens.
-            u = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
-            v = (d * x + e * y + f) * scale + shift
-            inside = (u >= 0.0) & (u < last_u) & (v >= 0.0) & (v < last_v)
-            u, v = u if inside else 0.0, v if inside else 0.0
-            u0, v0 = np.int32(u), np.int32(v)
-            pu, pv = np.int32((u - u0) * phases), np.int32((v - v0) * phases)
-            places[column] = v0 * step + u0 if inside else np.int32(-1)
-            firsts[column] = ((region[column] * steps + pv) * steps + pu) * size
-        for column in range(across):
-            if places[column] < 0:
-                out[row, column] = 0.0
-                continue
-            k, w = np.uint64(places[column]), np.uint64(firsts[column])
-            if count == 4:
-                out[row, column] = four_by_four(tables, w, padded, k, stride)
-                continue
-            total = np.float32(0)
-            for _ in range(count):
-                for tap in range(count):
-                    total += tables[w + np.uint64(tap)] * padded[k + np.uint64(tap)]
-                w += np.uint64(count)
-                k += stride
-            out[row, column] = total
+def projection_of(
+    homography: npt.NDArray[np.float64], panel: tuple[int, int], camera: tuple[int, int], psf: Psf
+) -> Projection:
+    """A projection, whose tables are kept: pilots, the lock of a clock and one call after another
+    have the same one."""
+    return _kept(np.asarray(homography, np.float64).tobytes(), panel, camera, psf)
 
 
-@njit(cache=True, nogil=True)
-def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type: ignore[no-untyped-def]
-    """Adds to `out`, of the padded panel, the weight of each panel pixel in the image's sum."""
-    high, wide = out.shape
-    shift = np.float64(pad - (count // 2 - 1))
-    a, b, c, d, e, f, g, h, i = inverse
-    for row in range(shape[0]):
-        for column in range(shape[1]):
-            depth = g * column + h * row + i
-            if not depth > 0.0:
-                continue
-            u = (a * column + b * row + c) / depth + shift
-            v = (d * column + e * row + f) / depth + shift
-            if not (0.0 <= u < wide - count and 0.0 <= v < high - count):
-                continue
-            u0, v0 = int(u), int(v)
-            part = row * regions // shape[0] * regions + column * regions // shape[1]
-            weights = tables[part, int((v - v0) * phases), int((u - u0) * phases)]
-            for y in range(count):
-                for x in range(count):
-                    out[v0 + y, u0 + x] += weights[y, x]
-
-
-def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
-    """Patches of a plane, stacked: (patches a, b)."""
-    rows, columns = places
-    patches = plane[rows[:, :, None], columns[:, None, :]]
-    return np.ascontiguousarray(patches.reshape(-1, columns.shape[1]))
-
-
-@lru_cache(maxsize=2)
-def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
-    """A uniform disc of `radius` pixels on a grid, its edge by area, sum 1."""
-    reach, fine = math.ceil(radius + 0.5), 16
-    at = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
-    inside = np.hypot(at[:, None], at[None, :]) <= radius
-    side = 2 * reach + 1
-    share = inside.reshape(side, fine, side, fine).mean(axis=(1, 3))
-    return np.asarray(share / share.sum(), np.float32)
+@lru_cache(maxsize=4)
+def _kept(
+    homography: bytes, panel: tuple[int, int], camera: tuple[int, int], psf: Psf
+) -> Projection:
+    return Projection(np.frombuffer(homography).reshape(3, 3), panel, camera, psf)
 
 
 class Projection:
@@ -331,16 +202,141 @@ class Projection:
         return image
 
 
-@lru_cache(maxsize=4)
-def _kept(
-    homography: bytes, panel: tuple[int, int], camera: tuple[int, int], psf: Psf
-) -> Projection:
-    return Projection(np.frombuffer(homography).reshape(3, 3), panel, camera, psf)
+def cut(plane: npt.NDArray[Any], places: Places) -> npt.NDArray[Any]:
+    """Patches of a plane, stacked: (patches a, b)."""
+    rows, columns = places
+    patches = plane[rows[:, :, None], columns[:, None, :]]
+    return np.ascontiguousarray(patches.reshape(-1, columns.shape[1]))
 
 
-def projection_of(
-    homography: npt.NDArray[np.float64], panel: tuple[int, int], camera: tuple[int, int], psf: Psf
-) -> Projection:
-    """A projection, whose tables are kept: pilots, the lock of a clock and one call after another
-    have the same one."""
-    return _kept(np.asarray(homography, np.float64).tobytes(), panel, camera, psf)
+@lru_cache(maxsize=2)
+def disc_kernel(radius: float) -> npt.NDArray[np.float32]:
+    """A uniform disc of `radius` pixels on a grid, its edge by area, sum 1."""
+    reach, fine = math.ceil(radius + 0.5), 16
+    at = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
+    inside = np.hypot(at[:, None], at[None, :]) <= radius
+    side = 2 * reach + 1
+    share = inside.reshape(side, fine, side, fine).mean(axis=(1, 3))
+    return np.asarray(share / share.sum(), np.float32)
+
+
+@intrinsic
+def _four_by_four(typing, weights, first, plane, place, stride):  # type: ignore[no-untyped-def]
+    """Sum of 16 products, float32; for compiled code only, and without bound checks.
+
+    The products are added row by row in each column, then (column 0 + 1) + (column 2 + 3).
+
+    Args:
+        weights: (n,) float32, row-major sets of 16 weights.
+        first: index of the set's first weight, uint64.
+        plane: (m,) float32, a flat plane.
+        place: index in `plane` of the first tap, uint64.
+        stride: elements of a row of the plane, uint64.
+    """
+
+    def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+        four = ir.VectorType(ir.FloatType(), 4)
+
+        def load(array, index):  # type: ignore[no-untyped-def]
+            data = context.make_array(signature.args[array])(context, builder, args[array]).data
+            at = builder.bitcast(builder.gep(data, [index]), four.as_pointer())
+            return builder.load(at, align=4)
+
+        _, weight, _, tap, step = args
+        total = builder.fmul(load(0, weight), load(2, tap))
+        for row in range(1, 4):
+            tap = builder.add(tap, step)
+            row_of_weights = load(0, builder.add(weight, ir.Constant(weight.type, 4 * row)))
+            total = builder.fadd(total, builder.fmul(row_of_weights, load(2, tap)))
+        a, b, c, d = (builder.extract_element(total, ir.Constant(_LANE, n)) for n in range(4))
+        return builder.fadd(builder.fadd(a, b), builder.fadd(c, d))
+
+    return types.float32(weights, first, plane, place, stride), generate
+
+
+four_by_four: Any = _four_by_four
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(  # type: ignore[no-untyped-def]
+    padded, wide, high, inverse, dx, dy, tables, regions, phases, count, pad, shape, rows, columns,
+    out,
+):  # fmt: skip
+    """Fills `out`, (len(rows), len(columns)) float32, for a camera of `shape`.
+
+    All arrays are flat. The places in a row are found first, in a loop that the compiler vectorises
+    (conversions to 32 bits have vector instructions, and division without a check for zero), then
+    the taps are summed. A record as argument would prevent it, hence the long list of arguments.
+
+    Args:
+        padded: (high wide,) float32, the panel with `pad` zeros on every side.
+        inverse: (9,) homography from camera to panel, row-major.
+        dx, dy: shift of the image, camera pixels.
+        tables: (regions^2, phases, phases, count, count) weights, flattened.
+        rows, columns: camera pixels to compute.
+    """
+    (height, width), across = shape, len(columns)
+    shift = np.float64(pad - (count // 2 - 1))
+    last_u, last_v = np.float64(wide - count), np.float64(high - count)
+    a, b, c, d, e, f, g, h, i = inverse
+    places, firsts = np.empty(across, np.int32), np.empty(across, np.int32)
+    region, stride = np.zeros(across, np.int32), np.uint64(wide)
+    along = columns - dx
+    step, steps, size = np.int32(wide), np.int32(phases), np.int32(count * count)
+    for row in range(len(rows)):
+        y = rows[row] - dy
+        if regions > 1:
+            line = rows[row] * regions // height * regions
+            for column in range(across):
+                region[column] = line + columns[column] * regions // width
+        for column in range(across):
+            x = along[column]
+            depth = g * x + h * y + i
+            scale = 1.0 / depth
+            # depth <= 0: beyond the horizon of the panel's plane, behind the lens.
+            u = (a * x + b * y + c) * scale + shift if depth > 0.0 else -1.0
+            v = (d * x + e * y + f) * scale + shift
+            inside = (u >= 0.0) & (u < last_u) & (v >= 0.0) & (v < last_v)
+            u, v = u if inside else 0.0, v if inside else 0.0
+            u0, v0 = np.int32(u), np.int32(v)
+            pu, pv = np.int32((u - u0) * phases), np.int32((v - v0) * phases)
+            places[column] = v0 * step + u0 if inside else np.int32(-1)
+            firsts[column] = ((region[column] * steps + pv) * steps + pu) * size
+        for column in range(across):
+            if places[column] < 0:
+                out[row, column] = 0.0
+                continue
+            k, w = np.uint64(places[column]), np.uint64(firsts[column])
+            if count == 4:
+                out[row, column] = four_by_four(tables, w, padded, k, stride)
+                continue
+            total = np.float32(0)
+            for _ in range(count):
+                for tap in range(count):
+                    total += tables[w + np.uint64(tap)] * padded[k + np.uint64(tap)]
+                w += np.uint64(count)
+                k += stride
+            out[row, column] = total
+
+
+@njit(cache=True, nogil=True)
+def _collect(inverse, tables, regions, phases, count, pad, shape, out):  # type: ignore[no-untyped-def]
+    """Adds to `out`, of the padded panel, the weight of each panel pixel in the image's sum."""
+    high, wide = out.shape
+    shift = np.float64(pad - (count // 2 - 1))
+    a, b, c, d, e, f, g, h, i = inverse
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            depth = g * column + h * row + i
+            if not depth > 0.0:
+                continue
+            u = (a * column + b * row + c) / depth + shift
+            v = (d * column + e * row + f) / depth + shift
+            if not (0.0 <= u < wide - count and 0.0 <= v < high - count):
+                continue
+            u0, v0 = int(u), int(v)
+            part = row * regions // shape[0] * regions + column * regions // shape[1]
+            weights = tables[part, int((v - v0) * phases), int((u - u0) * phases)]
+            for y in range(count):
+                for x in range(count):
+                    out[v0 + y, u0 + x] += weights[y, x]

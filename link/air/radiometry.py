@@ -1,21 +1,18 @@
-"""Illuminance on the sensor: of the panel's pixels, of their surroundings, of fog.
+"""Illuminance on the sensor: of the panel's pixels, of their surroundings, of fog and of the sun.
 
 A resolved surface of luminance L gives pi L T / (4 N^2 (v / f)^2) lux at any distance (Ray, Applied
 Photographic Optics, 3rd ed., 2002), with v / f = 1 + m in focus. The cos^4 law is not modelled.
 
-This file also covers fog: attenuation, airlight and forward scattering.
+Fog attenuates, adds airlight and scatters forward. The extinction coefficient a follows from
+visibility by Kim's or Kruse's law (`link.theory.air`). Light that reaches the lens through optical
+thickness t = a d is L e^-t + h H + A (1 - e^-t - h) (Koschmieder's airlight). A is the fog's
+luminance, E / pi under an illuminance E from all sides, for drops that absorb nothing. h is the
+share of singly forward-scattered light and H its blurred image. Drops much larger than the
+wavelength diffract half of the light that they remove (van de Hulst, Light Scattering by Small
+Particles, 1957, 8.2 and 8.3), so h = t e^-t / 2. H is L blurred by the diffraction of drops of
+10 um (assumed; radiation fog has 4 to 40 um), with a Gaussian that fits the Airy core.
 
-The extinction coefficient a follows from visibility by Kim's or Kruse's law
-(`link.theory.air`). Light that reaches the lens through optical thickness t = a d is L e^-t
-+ h H + A (1 - e^-t - h) (Koschmieder's airlight). A is the fog's luminance, E / pi under an
-illuminance E from all sides, for drops that absorb nothing. h is the share of singly
-forward-scattered light and H its blurred image. Drops much larger than the wavelength diffract half
-of the light that they remove (van de Hulst, Light Scattering by Small Particles, 1957, 8.2 and
-8.3), so h = t e^-t / 2. H is L blurred by the diffraction of drops of 10 um (assumed; radiation fog
-has 4 to 40 um), with a Gaussian that fits the Airy core.
-
-This file also covers the sun in or near the field of view: its disc on the sensor, and its glare in
-the lens.
+The sun in or near the field of view gives its disc on the sensor and a glare in the lens.
 """
 
 from __future__ import annotations
@@ -34,11 +31,16 @@ from link.air.geometry import Lengths, lengths
 from link.air.setting import Aim, AirSetting, Optics
 from link.theory.air import DB_PER_NEPER, Particles, extinction_db_per_km
 
-
-def lens_gain(optics: Optics, distance: float) -> float:
-    """Illuminance on the sensor for a luminance of 1 cd/m2, lux."""
-    working = optics.f_number * lengths(optics, distance).extension
-    return math.pi * optics.transmission / (4 * working**2)
+DROP: Final = 10e-6
+"""Diameter of a drop, m (assumed)."""
+_CORE: Final = 0.42
+"""Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
+Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007: 0.42 to 0.45 lambda N)."""
+SUN_DIAMETER: Final = 0.53
+"""Degrees, from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 arc minutes over
+the year)."""
+SUN_SOLID_ANGLE: Final = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
+"""Steradian."""
 
 
 @dataclass(frozen=True)
@@ -126,11 +128,10 @@ def f_number_for(
     return number
 
 
-DROP: Final = 10e-6
-"""Diameter of a drop, m (assumed)."""
-_CORE: Final = 0.42
-"""Standard deviation of the Gaussian that fits an Airy core, in wavelength over aperture (Zhang,
-Zerubia and Olivo-Marin, Appl. Opt. 46:1819, 2007: 0.42 to 0.45 lambda N)."""
+def lens_gain(optics: Optics, distance: float) -> float:
+    """Illuminance on the sensor for a luminance of 1 cd/m2, lux."""
+    working = optics.f_number * lengths(optics, distance).extension
+    return math.pi * optics.transmission / (4 * working**2)
 
 
 def extinction(visibility: float, wavelength_nm: float, particles: Particles = "kim") -> float:
@@ -158,19 +159,6 @@ def halo_angle(wavelength_nm: float) -> float:
 def airlight(illuminance: float) -> float:
     """Fog's luminance, cd/m2, under an illuminance in lux."""
     return illuminance / math.pi
-
-
-SUN_DIAMETER: Final = 0.53
-"""Degrees, from the Earth (Allen's Astrophysical Quantities, 4th ed.: 31.5 to 32.5 arc minutes over
-the year)."""
-SUN_SOLID_ANGLE: Final = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
-"""Steradian."""
-
-
-def _defocus(optics: Optics, distances: Lengths) -> float:
-    """Radius of the image of a point at infinity, camera pixels."""
-    f = optics.focal_length
-    return f / optics.f_number * (distances.image - f) / f / 2 / optics.camera_pitch
 
 
 def sun_lux(optics: Optics, air: AirSetting) -> float:
@@ -207,6 +195,12 @@ def sun_image(optics: Optics, aim: Aim, air: AirSetting, shape: tuple[int, int])
     ring = erfc((at - wide) / (narrow * 0.7)) / 2 * at
     flux = 2 * math.pi * float(((ring[1:] + ring[:-1]) / 2).sum() * (at[1] - at[0]))
     return np.asarray(profile * (sun_lux(optics, air) * math.pi * radius**2 / flux), np.float32)
+
+
+def _defocus(optics: Optics, distances: Lengths) -> float:
+    """Radius of the image of a point at infinity, camera pixels."""
+    f = optics.focal_length
+    return f / optics.f_number * (distances.image - f) / f / 2 / optics.camera_pitch
 
 
 def sun_glare(optics: Optics, air: AirSetting, aim: Aim, shape: tuple[int, int]) -> float:

@@ -15,14 +15,12 @@ passes through different air (scintillation anisoplanatism): at x of the path fr
 rays are s (1 - x) apart. The covariance is the integral of `aperture_averaging` with an additional
 J0(q u (1 - x)), u = s sqrt(k / L). A disc of sources averages as a lens does, by (2 J1(q e (1 - x))
 / (q e (1 - x)))^2: by reciprocity lens and disc can be exchanged. `patch_side` turns this into
-square patches of the panel, uniform within and mutually independent.
-
-This file also covers patches of the panel with independent scintillation of the same law and
-correlation time.
+square patches of the panel, uniform within, mutually independent, and of the same law and
+correlation time. Patches have edges, unlike real air. The law at a point, its course in time, and
+the scintillation of large areas are correct.
 
 Patch n (row by row) at symbol t draws two normal numbers with counter (n, 0, t, 0), so its factor
-depends only on the seed, n and t. Patches have edges, unlike real air. The law at a point, its
-course in time, and the scintillation of large areas are correct (`scintillation.patch_side`).
+depends only on the seed, n and t.
 """
 
 from __future__ import annotations
@@ -42,10 +40,31 @@ from link.air.setting import AirSetting, Optics
 from link.theory.air import correlation_time, gamma_gamma, rytov, scintillation_index
 
 Values = npt.NDArray[np.float64]
-
 _CHUNK: Final = 1 << 14
 _SYMBOLS: Final = 64
 """Largest number of draws, and of symbols, that are computed at once."""
+_PLACES: Final = 32
+_WAVES: Final = 4000
+"""Nodes along the path (_PLACES) and of spatial frequency."""
+_DISCS: Final = (1.0, 60.0, 24)
+"""Sizes of discs in lens diameters or Fresnel zones: from, to, count. The maximum is at 7 to 16 and
+flat."""
+WEAK: Final = 0.3
+"""Rytov variance below which flicker is log-normal (Andrews and Phillips: weak is well below 1)."""
+
+
+def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
+    """Law of scintillation of what a camera pixel images, and the panel's patches.
+
+    The field of a camera pixel is taken as a disc of equal area. Blur would average more and is
+    neglected.
+    """
+    pixel = air.distance / lengths(optics, air.distance).camera
+    optical = optics.wavelength_nm, air.distance, optics.focal_length / optics.f_number
+    disc = 2 / math.sqrt(math.pi) * pixel
+    law = flicker(air.structure, *optical, air.wind, disc)
+    side = patch_side(optical[2], *optical[:2], disc) if law.index > 0 else math.inf
+    return law, Patches((optics.height, optics.width), optics.pitch, side)
 
 
 class Patches:
@@ -130,110 +149,6 @@ class FlickerSeries:
         self._first, self._factors = first, factors.reshape(self._step, self._patches)
 
 
-def flicker_of(optics: Optics, air: AirSetting) -> tuple[Flicker, Patches]:
-    """Law of scintillation of what a camera pixel images, and the panel's patches.
-
-    The field of a camera pixel is taken as a disc of equal area. Blur would average more and is
-    neglected.
-    """
-    pixel = air.distance / lengths(optics, air.distance).camera
-    optical = optics.wavelength_nm, air.distance, optics.focal_length / optics.f_number
-    disc = 2 / math.sqrt(math.pi) * pixel
-    law = flicker(air.structure, *optical, air.wind, disc)
-    side = patch_side(optical[2], *optical[:2], disc) if law.index > 0 else math.inf
-    return law, Patches((optics.height, optics.width), optics.pitch, side)
-
-
-_PLACES: Final = 32
-_WAVES: Final = 4000
-"""Nodes along the path (_PLACES) and of spatial frequency."""
-_DISCS: Final = (1.0, 60.0, 24)
-"""Sizes of discs in lens diameters or Fresnel zones: from, to, count. The maximum is at 7 to 16 and
-flat."""
-WEAK: Final = 0.3
-"""Rytov variance below which flicker is log-normal (Andrews and Phillips: weak is well below 1)."""
-
-
-def _averaging(d: float, discs: Values) -> Values:
-    """Index of light from discs of sources behind a lens, (n,), over that of a point.
-
-    Args:
-        d: diameter of the lens, as in `aperture_averaging`.
-        discs: (n,) diameters of the discs of sources, in the same unit.
-    """
-    from scipy.special import j1
-
-    x, weight = np.polynomial.legendre.leggauss(_PLACES)
-    x = ((x + 1) / 2)[:, None]
-    widest = max(d, float(discs.max()), 1.0)
-    q = np.exp(np.linspace(math.log(1e-3 / widest), math.log(1e3), _WAVES))
-
-    def part(size: float, near: Values) -> Values:
-        z = np.maximum(q * size * near, 1e-9)
-        return np.asarray((2 * j1(z) / z) ** 2)
-
-    each = q ** (-5 / 3) * (1 - np.cos(q**2 * x * (1 - x)))  # of d(ln q)
-    point = float(weight @ each.sum(axis=1))
-    each *= part(d, x)
-    return np.array([weight @ (each * part(e, 1 - x)).sum(axis=1) for e in discs]) / point
-
-
-def _per_metre(wavelength_nm: float, distance: float) -> float:
-    """sqrt(k / (4 L)), which converts diameters in m to the dimensionless d."""
-    return math.sqrt(2 * math.pi / (wavelength_nm * 1e-9) / (4 * distance))
-
-
-@lru_cache(maxsize=64)
-def aperture_averaging(
-    diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
-) -> float:
-    """Index behind a lens over that at a point, for weak turbulence.
-
-    It is the ratio of
-
-        int int q^(-8/3) (1 - cos(q^2 x (1 - x))) (2 J1(q d x) / (q d x))^2 dq dx
-
-    to its value at d = 0; x from the source in L, q in sqrt(k / L), d^2 = k D^2 / (4 L) (Andrews
-    and Phillips, 2005, chapter 10). For large lenses it tends to 1 / (0.214 d^(7/3)) (Churnside,
-    Appl. Opt. 30:1982, 1991); his fit 1 / (1 + 0.214 d^(7/3)) is too large by two thirds at d^2 =
-    1.4.
-
-    Args:
-        diameter: diameter of the lens, m.
-        wavelength_nm: nm.
-        distance: m.
-        source: diameter of a disc of sources that show the same, m.
-    """
-    unit = _per_metre(wavelength_nm, distance)
-    return float(_averaging(diameter * unit, np.array([source * unit]))[0])
-
-
-@lru_cache(maxsize=64)
-def patch_side(
-    diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
-) -> float:
-    """Side of the panel's patches, m.
-
-    For a point source it is about half the diameter of the lens: 0.87 sqrt(wavelength L) for a
-    point aperture, 0.44 diameters for a lens much wider than that.
-
-    Independent patches of side p leave p^2 / A of the variance in the mean over an area A of many
-    patches. The side is the smallest at which this is at least what theory leaves, for a disc of
-    any area (weak turbulence). For a very large disc the patches leave too little, since theory
-    falls as A^(-7/6): distant points are weakly anticorrelated.
-
-    Args:
-        diameter, wavelength_nm, distance: diameter, wavelength and distance as in
-            `aperture_averaging`.
-        source: diameter of the disc of sources whose index the patches have, m.
-    """
-    unit = _per_metre(wavelength_nm, distance)
-    d, e = diameter * unit, source * unit
-    discs = max(d, e, 1.0) * np.geomspace(*_DISCS)
-    left = _averaging(d, np.append(e, discs))
-    return math.sqrt(float((math.pi / 4 * discs**2 * left[1:] / left[0]).max())) / unit
-
-
 @dataclass(frozen=True)
 class Flicker:
     """Law of the factor of the light, whose mean is 1.
@@ -289,3 +204,83 @@ def flicker(
     half = (1 / a + 1 / b) / 2
     inverse = 2 * index / (half * 2 + math.sqrt(4 * half**2 + 4 * index / (a * b)))
     return Flicker(index, (a / inverse, b / inverse), time)
+
+
+@lru_cache(maxsize=64)
+def patch_side(
+    diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
+) -> float:
+    """Side of the panel's patches, m.
+
+    For a point source it is about half the diameter of the lens: 0.87 sqrt(wavelength L) for a
+    point aperture, 0.44 diameters for a lens much wider than that.
+
+    Independent patches of side p leave p^2 / A of the variance in the mean over an area A of many
+    patches. The side is the smallest at which this is at least what theory leaves, for a disc of
+    any area (weak turbulence). For a very large disc the patches leave too little, since theory
+    falls as A^(-7/6): distant points are weakly anticorrelated.
+
+    Args:
+        diameter, wavelength_nm, distance: diameter, wavelength and distance as in
+            `aperture_averaging`.
+        source: diameter of the disc of sources whose index the patches have, m.
+    """
+    unit = _per_metre(wavelength_nm, distance)
+    d, e = diameter * unit, source * unit
+    discs = max(d, e, 1.0) * np.geomspace(*_DISCS)
+    left = _averaging(d, np.append(e, discs))
+    return math.sqrt(float((math.pi / 4 * discs**2 * left[1:] / left[0]).max())) / unit
+
+
+@lru_cache(maxsize=64)
+def aperture_averaging(
+    diameter: float, wavelength_nm: float, distance: float, source: float = 0.0
+) -> float:
+    """Index behind a lens over that at a point, for weak turbulence.
+
+    It is the ratio of
+
+        int int q^(-8/3) (1 - cos(q^2 x (1 - x))) (2 J1(q d x) / (q d x))^2 dq dx
+
+    to its value at d = 0; x from the source in L, q in sqrt(k / L), d^2 = k D^2 / (4 L) (Andrews
+    and Phillips, 2005, chapter 10). For large lenses it tends to 1 / (0.214 d^(7/3)) (Churnside,
+    Appl. Opt. 30:1982, 1991); his fit 1 / (1 + 0.214 d^(7/3)) is too large by two thirds at d^2 =
+    1.4.
+
+    Args:
+        diameter: diameter of the lens, m.
+        wavelength_nm: nm.
+        distance: m.
+        source: diameter of a disc of sources that show the same, m.
+    """
+    unit = _per_metre(wavelength_nm, distance)
+    return float(_averaging(diameter * unit, np.array([source * unit]))[0])
+
+
+def _averaging(d: float, discs: Values) -> Values:
+    """Index of light from discs of sources behind a lens, (n,), over that of a point.
+
+    Args:
+        d: diameter of the lens, as in `aperture_averaging`.
+        discs: (n,) diameters of the discs of sources, in the same unit.
+    """
+    from scipy.special import j1
+
+    x, weight = np.polynomial.legendre.leggauss(_PLACES)
+    x = ((x + 1) / 2)[:, None]
+    widest = max(d, float(discs.max()), 1.0)
+    q = np.exp(np.linspace(math.log(1e-3 / widest), math.log(1e3), _WAVES))
+
+    def part(size: float, near: Values) -> Values:
+        z = np.maximum(q * size * near, 1e-9)
+        return np.asarray((2 * j1(z) / z) ** 2)
+
+    each = q ** (-5 / 3) * (1 - np.cos(q**2 * x * (1 - x)))  # of d(ln q)
+    point = float(weight @ each.sum(axis=1))
+    each *= part(d, x)
+    return np.array([weight @ (each * part(e, 1 - x)).sum(axis=1) for e in discs]) / point
+
+
+def _per_metre(wavelength_nm: float, distance: float) -> float:
+    """sqrt(k / (4 L)), which converts diameters in m to the dimensionless d."""
+    return math.sqrt(2 * math.pi / (wavelength_nm * 1e-9) / (4 * distance))

@@ -1,7 +1,5 @@
-"""Parameters of the path from the panel's pixels to the camera's.
-
-This file also covers the names of the effects between panel and camera, and a link without some of
-them.
+"""Parameters of the path from the panel's pixels to the camera's, and the path without some
+effects.
 """
 
 from __future__ import annotations

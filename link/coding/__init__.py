@@ -3,7 +3,7 @@
 from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.blocks import Blocks
 from link.coding.boxes import Inbox, Outbox
-from link.coding.fountain import MOST_BYTES, safe_name
+from link.coding.packed_file import MOST_BYTES, safe_name
 from link.coding.reader import BlockReader
 from link.coding.reed_solomon import WORD_BYTES
 from link.coding.soft_blocks import SoftBlocks

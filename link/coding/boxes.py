@@ -31,15 +31,8 @@ from cosim.compute.opencl import Device
 from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.blocks import Blocks
 from link.coding.crc import crc32c
-from link.coding.fountain import (
-    Gathering,
-    Packet,
-    codable,
-    pack_file,
-    packets,
-    source_blocks,
-    source_symbols,
-)
+from link.coding.fountain import Gathering, Packet, codable, packets, source_blocks, source_symbols
+from link.coding.packed_file import pack_file
 from link.coding.reader import BlockReader, Bytes
 from link.coding.writer import BlockWriter, blocks_of
 from link.layout import Layout
@@ -48,48 +41,12 @@ _HEAD: Final = struct.Struct("<2sBII")
 _CRC: Final = struct.Struct("<I")
 _MAGIC, _VERSION = b"Vf", 1
 _NUMBER: Final = 4
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A frame.
-
-    Attributes:
-        session: number of the transmission.
-        length: bytes of the fountain's data.
-        packet: number and symbol.
-    """
-
-    session: int
-    length: int
-    packet: Packet
-
-
-def write_frame(frame: Frame, size: int) -> npt.NDArray[np.uint8]:
-    """A frame as `size` bytes."""
-    body = _HEAD.pack(_MAGIC, _VERSION, frame.session, frame.length) + frame.packet
-    body = body.ljust(size - _CRC.size, b"\0")
-    return np.frombuffer(body + _CRC.pack(crc32c(body)), np.uint8)
-
-
-def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
-    """Frame in `data`, with a symbol of `symbol` bytes; None unless every part is correct."""
-    raw = data.tobytes()
-    body, end = raw[: -_CRC.size], raw[-_CRC.size :]
-    if not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:
-        return None
-    _, version, session, length = _HEAD.unpack_from(body)
-    packet = body[_HEAD.size : _HEAD.size + _NUMBER + symbol]
-    if version != _VERSION or not codable(length, symbol):
-        return None
-    if len(packet) != _NUMBER + symbol or packet[0] >= source_blocks(length, symbol):
-        return None
-    return Frame(session, length, packet)
-
-
 _BEYOND = 2
 """Smallest number of packets beyond the file's own: with them one decoding in a million fails (RFC
 6330)."""
+_SESSIONS: Final = 4
+"""Largest number of files gathered at the same time; beyond it, the one with the fewest packets is
+dropped."""
 
 
 class Outbox(BlockWriter):
@@ -193,11 +150,6 @@ class Outbox(BlockWriter):
         ]
 
 
-_SESSIONS: Final = 4
-"""Largest number of files gathered at the same time; beyond it, the one with the fewest packets is
-dropped."""
-
-
 class Inbox(BlockReader):
     """Decodes groups to a file; see `BlockReader`.
 
@@ -244,3 +196,40 @@ class Inbox(BlockReader):
             self._needed = session.needed
             self.file = session.put(frame.packet)
             self._whole = key if self.file is not None else None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame.
+
+    Attributes:
+        session: number of the transmission.
+        length: bytes of the fountain's data.
+        packet: number and symbol.
+    """
+
+    session: int
+    length: int
+    packet: Packet
+
+
+def write_frame(frame: Frame, size: int) -> npt.NDArray[np.uint8]:
+    """A frame as `size` bytes."""
+    body = _HEAD.pack(_MAGIC, _VERSION, frame.session, frame.length) + frame.packet
+    body = body.ljust(size - _CRC.size, b"\0")
+    return np.frombuffer(body + _CRC.pack(crc32c(body)), np.uint8)
+
+
+def read_frame(data: npt.NDArray[np.uint8], symbol: int) -> Frame | None:
+    """Frame in `data`, with a symbol of `symbol` bytes; None unless every part is correct."""
+    raw = data.tobytes()
+    body, end = raw[: -_CRC.size], raw[-_CRC.size :]
+    if not body.startswith(_MAGIC) or _CRC.pack(crc32c(body)) != end:
+        return None
+    _, version, session, length = _HEAD.unpack_from(body)
+    packet = body[_HEAD.size : _HEAD.size + _NUMBER + symbol]
+    if version != _VERSION or not codable(length, symbol):
+        return None
+    if len(packet) != _NUMBER + symbol or packet[0] >= source_blocks(length, symbol):
+        return None
+    return Frame(session, length, packet)

@@ -3,108 +3,42 @@
 RaptorQ (RFC 6330), from the library of that name. The library trusts what it is given and panics on
 what it cannot code: no data, more than 255 blocks, a packet of another length or of an unknown
 block. All of this is checked before (`codable`, `Gathering.put`), and the decoded file carries a
-CRC. A panic is then a fault of the library; the calls that compute are `muted`, so that it tells of
-it in our line alone.
+CRC. A panic is then a fault of the library.
 
-This file also covers calls into libraries whose lines on standard error are hidden.
-
-A fault of a library in Rust arrives as an exception, but the library writes its lines to descriptor
-2 before, and only Rust code could stop it. To point the descriptor elsewhere for the time of a call
-would take the lines of other threads and of children that they start. So the call is made in a
-thread with a table of descriptors of its own: `close_range` with CLOSE_RANGE_UNSHARE copies the
-table for the calling thread alone (Linux 5.9, close_range(2)). It also closes the copies, so that
-no pipe and no file stays open for the time of the call. The thread ends with the call, because a
-fork would lose one that waits for the next. A child process would do as well, but takes 50 ms to
-start and holds the data twice.
-
-This file also covers file names that are safe to write, whatever their origin.
+A panic arrives as an exception, but the library, in Rust, writes its lines to descriptor 2 before,
+and only Rust code could stop it. The calls that compute are therefore `muted`, so that our line
+alone tells of it. To point the descriptor elsewhere for the time of a call would take the lines of
+other threads and of children that they start. So the call is made in a thread with a table of
+descriptors of its own: `close_range` with CLOSE_RANGE_UNSHARE copies the table for the calling
+thread alone (Linux 5.9, close_range(2)). It also closes the copies, so that no pipe and no file
+stays open for the time of the call. The thread ends with the call, because a fork would lose one
+that waits for the next. A child process would do as well, but takes 50 ms to start and holds the
+data twice.
 """
 
 from __future__ import annotations
 
 import ctypes
 import os
-import re
-import struct
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
 from threading import Thread
 from typing import Final, ParamSpec, TypeVar
 
 from cosim.errors import InputError, shorten
-from link.coding.crc import crc32c, crc64_xz
+from link.coding.packed_file import (
+    MOST_BYTES,
+    Delivered,
+    unpack_file,
+)
 
 _UNSHARE: Final = 2
 """CLOSE_RANGE_UNSHARE (linux/close_range.h)."""
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
-
-
-def muted(function: Callable[_P, _T], *args: _P.args, **options: _P.kwargs) -> _T:
-    """Calls a function that opens no file of ours, and returns or raises what it does.
-
-    What it writes to standard error is lost; where the system lacks the call, it is seen. A call
-    takes about 0.1 ms more.
-    """
-    outcome: Future[_T] = Future()
-
-    def call() -> None:
-        try:
-            _turn_away()
-            outcome.set_result(function(*args, **options))
-        except BaseException as exc:  # a panic is no Exception
-            outcome.set_exception(exc)
-
-    thread = Thread(target=call)
-    thread.start()
-    thread.join()
-    return outcome.result()
-
-
-def _turn_away() -> None:
-    """Gives this thread a table of descriptors with standard error on nothing."""
-    try:
-        close_range = ctypes.CDLL(None).close_range
-    except AttributeError:  # glibc before 2.34
-        return
-    close_range.argtypes = (ctypes.c_uint, ctypes.c_uint, ctypes.c_int)
-    if close_range(3, ~0 & 0xFFFF_FFFF, _UNSHARE) == 0:  # else the table is that of all threads
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-
-
-NAME_BYTES: Final = 120
-"""Largest size of a name in UTF-8: well below the 255 bytes of common file systems."""
-_NAMELESS: Final = "file"
-_UNWANTED: Final = re.compile(r'[<>:"|?*]')
-_DEVICES: Final = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
-"""Names that Windows reserves for devices."""
-
-
-def safe_name(name: str) -> str:
-    """Last part of a path, as a name that stays in the folder it is written to.
-
-    Characters that a file system refuses, that control a terminal or reverse the direction of text
-    become "_". An empty result becomes "file".
-    """
-    last = re.split(r"[/\\]", name)[-1]
-    safe = "".join(c if c.isprintable() else "_" for c in last)
-    safe = _UNWANTED.sub("_", safe).rstrip(" .").lstrip()
-    if not safe or _DEVICES.match(safe):
-        safe = _NAMELESS + safe
-    stem, dot, ending = safe.rpartition(".")
-    if not dot or not stem or len(ending.encode()) > NAME_BYTES // 4:
-        stem, dot, ending = safe, "", ""
-    room = NAME_BYTES - len((dot + ending).encode())
-    return (stem.encode()[:room].decode(errors="ignore") + dot + ending).rstrip(" .")
-
-
 Packet = bytes
 """Four bytes of number, then the symbol."""
-MOST_BYTES: Final = 2**30
-"""Largest number of bytes of the fountain: the decoder's tables grow with the length in a
-header."""
 _MOST_SYMBOLS: Final = 56403
 """Largest number of source symbols of a block (RFC 6330, section 5.1.2)."""
 _MOST_BLOCKS: Final = 255
@@ -115,65 +49,6 @@ _NUMBERS: Final = 2**24
 """Packets of a block that have a number."""
 _LARGE, _ALIGNMENT = 64, 8
 """The library cuts symbols from the first size on to multiples of the second."""
-_HEAD: Final = struct.Struct("<QB")
-
-
-@dataclass(frozen=True)
-class Delivered:
-    """A file that arrived whole.
-
-    Attributes:
-        data: its bytes.
-        name: a name that is safe to write.
-    """
-
-    data: bytes
-    name: str
-
-
-def pack_file(data: bytes, name: str) -> tuple[int, bytes]:
-    """Session's number, and the bytes for the fountain: CRC, name and data. Never empty."""
-    called = safe_name(name).encode()
-    body = called + data
-    packed = _HEAD.pack(crc64_xz(bytes([len(called)]) + body), len(called)) + body
-    if len(packed) > MOST_BYTES:
-        raise ValueError(
-            f"the file must be at most {MOST_BYTES // 2**20} MiB, not {len(data)} bytes"
-        )
-    return crc32c(_HEAD.pack(len(packed), len(called)) + packed[: _HEAD.size] + called), packed
-
-
-def unpack_file(packed: bytes) -> Delivered | None:
-    """File; None if the CRC is wrong."""
-    if len(packed) < _HEAD.size:
-        return None
-    crc, called = _HEAD.unpack_from(packed)
-    body = packed[_HEAD.size :]
-    if called > min(len(body), NAME_BYTES) or crc64_xz(bytes([called]) + body) != crc:
-        return None
-    return Delivered(body[called:], safe_name(body[:called].decode(errors="replace")))
-
-
-def source_symbols(length: int, symbol: int) -> int:
-    """Number of symbols that `length` bytes fill."""
-    return -(-length // symbol)
-
-
-def source_blocks(length: int, symbol: int) -> int:
-    """Number of blocks that the library codes separately (RFC 6330, section 4.3, 10 MiB)."""
-    return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
-
-
-def codable(length: int, symbol: int) -> bool:
-    """Whether the library codes so many bytes in symbols of `symbol` bytes."""
-    whole = 0 < symbol < 2**16 and (symbol < _LARGE or symbol % _ALIGNMENT == 0)
-    return whole and 0 < length <= MOST_BYTES and source_blocks(length, symbol) <= _MOST_BLOCKS
-
-
-def _is_panic(error: BaseException) -> bool:
-    """Whether a fault of the library raised it, whose class is no Exception and cannot be
-    imported."""
-    return type(error).__name__ == "PanicException"
 
 
 def packets(packed: bytes, symbol: int, count: int) -> list[Packet]:
@@ -273,3 +148,57 @@ class Gathering:
         if not self._done:
             self._begin()
         return file
+
+
+def source_symbols(length: int, symbol: int) -> int:
+    """Number of symbols that `length` bytes fill."""
+    return -(-length // symbol)
+
+
+def source_blocks(length: int, symbol: int) -> int:
+    """Number of blocks that the library codes separately (RFC 6330, section 4.3, 10 MiB)."""
+    return -(-source_symbols(length, symbol) // _MOST_SYMBOLS)
+
+
+def codable(length: int, symbol: int) -> bool:
+    """Whether the library codes so many bytes in symbols of `symbol` bytes."""
+    whole = 0 < symbol < 2**16 and (symbol < _LARGE or symbol % _ALIGNMENT == 0)
+    return whole and 0 < length <= MOST_BYTES and source_blocks(length, symbol) <= _MOST_BLOCKS
+
+
+def muted(function: Callable[_P, _T], *args: _P.args, **options: _P.kwargs) -> _T:
+    """Calls a function that opens no file of ours, and returns or raises what it does.
+
+    What it writes to standard error is lost; where the system lacks the call, it is seen. A call
+    takes about 0.1 ms more.
+    """
+    outcome: Future[_T] = Future()
+
+    def call() -> None:
+        try:
+            _turn_away()
+            outcome.set_result(function(*args, **options))
+        except BaseException as exc:  # a panic is no Exception
+            outcome.set_exception(exc)
+
+    thread = Thread(target=call)
+    thread.start()
+    thread.join()
+    return outcome.result()
+
+
+def _turn_away() -> None:
+    """Gives this thread a table of descriptors with standard error on nothing."""
+    try:
+        close_range = ctypes.CDLL(None).close_range
+    except AttributeError:  # glibc before 2.34
+        return
+    close_range.argtypes = (ctypes.c_uint, ctypes.c_uint, ctypes.c_int)
+    if close_range(3, ~0 & 0xFFFF_FFFF, _UNSHARE) == 0:  # else the table is that of all threads
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def _is_panic(error: BaseException) -> bool:
+    """Whether a fault of the library raised it, whose class is no Exception and cannot be
+    imported."""
+    return type(error).__name__ == "PanicException"

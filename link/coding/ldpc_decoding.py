@@ -33,9 +33,7 @@ from cosim.compute.cores import all_cores
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
 
-
 _Integers = npt.NDArray[np.int32]
-
 SUM: Final = 127
 """Largest sum of a bit's messages, steps."""
 SOFT: Final = 31
@@ -47,6 +45,11 @@ and far below SUM: a sum at its limit has forgotten how far it would be beyond, 
 127 it turned over as soon as one of them was taken off and came back smaller."""
 OFFSET: Final = 2
 """Offset of messages, steps: a half of a unit of natural logarithm."""
+_BATCH = 8
+"""Words that share the memory of a decoder."""
+_SUM, _OFFSET, _SOFT = np.int8(SUM), np.int8(OFFSET), np.int8(SOFT)
+_ZERO, _CAP = np.int8(0), np.int8(MESSAGE + OFFSET)
+_U64 = np.uint64
 
 
 def decode_in_numpy(
@@ -97,13 +100,6 @@ def _answers(value: _Integers) -> _Integers:
     return np.asarray(sign * np.clip(other - OFFSET, 0, MESSAGE), np.int32)
 
 
-_BATCH = 8
-"""Words that share the memory of a decoder."""
-_SUM, _OFFSET, _SOFT = np.int8(SUM), np.int8(OFFSET), np.int8(SOFT)
-_ZERO, _CAP = np.int8(0), np.int8(MESSAGE + OFFSET)
-_U64 = np.uint64
-
-
 def _saturating(name: str) -> Callable[..., Any]:
     """LLVM's function `name` of two bytes."""
 
@@ -119,6 +115,7 @@ def _saturating(name: str) -> Callable[..., Any]:
 
 
 _add, _subtract = _saturating("llvm.sadd.sat"), _saturating("llvm.ssub.sat")
+
 _least, _greatest = _saturating("llvm.smin"), _saturating("llvm.smax")
 
 

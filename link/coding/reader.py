@@ -1,12 +1,8 @@
-"""The common half of all receivers: soft values of groups become frames.
+"""The common half of all receivers: soft values of groups become the words of blocks, and these
+frames.
 
-This file also covers the decoders of the words of a block: from the soft values of its groups to
-data.
-
-This file also covers the reading of Reed-Solomon words: the line code's values, the least certain
-of them erased.
-
-This file also covers the reading of LDPC words from soft values of bits.
+Reed-Solomon words are read from the line code's values, the least certain of them erased; LDPC
+words from the soft values of bits.
 """
 
 from __future__ import annotations
@@ -22,145 +18,24 @@ import numpy.typing as npt
 from cosim.compute.opencl import Device
 from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.blocks import Blocks
-from link.coding.fountain import Delivered
+from link.coding.packed_file import Delivered
 from link.coding.reed_solomon import ReedSolomon
 from link.coding.soft_blocks import SoftBlocks, mark_changed
 from link.line_codes import decode_line
 
 Flags = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
-class ReadWords:
-    """The words of a block.
-
-    Attributes:
-        data: (words, data bytes) uint8.
-        ok: (words,) bool, where a word was found.
-        sound: (words,) bool, where it is accepted on its own; otherwise only in a correct frame.
-        changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
-        bytes_changed: number of bytes corrected in sound words.
-        rounds: rounds of decoding in all words, 0 for a code without rounds.
-        form: form of the block, where each has its own; else None.
-    """
-
-    data: npt.NDArray[np.uint8]
-    ok: Flags
-    sound: Flags
-    changed: npt.NDArray[Any]
-    bytes_changed: int
-    rounds: int
-    form: Blocks | None = None
-
-
-class WordReader(Protocol):
-    """Takes the groups of one block after another, and reads its words."""
-
-    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
-        """Takes a group.
-
-        Args:
-            group: its number.
-            within: its number in the block.
-            soft: (symbols, cells) float32, ln P(1) - ln P(0); 0 or NaN where nothing was received.
-        """
-        ...
-
-    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
-        """Reads a block. missing: numbers of the groups that it lacks."""
-        ...
-
-
 _ERASED: Final = (0.25, 0.5, 0.75, 1.0)
 """Shares of the parity for which the least certain bytes are erased, in turn, until a word is a
 codeword: generalised minimum distance decoding (Forney 1966), with the frame's CRC as check."""
 _SAFE: Final = 0.5
 """Largest share of erasures up to which a codeword is accepted alone; beyond it only in a correct
 frame."""
-
-
-class ReedSolomonReader:
-    """Reads the words of blocks; see `WordReader`."""
-
-    def __init__(self, form: Blocks) -> None:
-        parity = form.layout.mode.parity
-        assert parity is not None
-        self._form, self._code = form, ReedSolomon(parity)
-        self._values = np.zeros((form.groups, form.layout.cells), np.uint8)
-        self._quality = np.zeros(self._values.shape, np.float32)
-
-    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
-        values, quality = decode_line(self._form.layout.mode.line, soft)
-        self._values[within], self._quality[within] = values[0], np.nan_to_num(quality[0], nan=0.0)
-
-    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
-        self._quality[missing] = 0
-        words, quality = self._form.gather(self._values, self._quality, block)
-        corrected, ok, sound = self._correct(words, quality)
-        changed = (corrected != words) & sound[:, None]
-        data = corrected[:, : self._form.data_bytes]
-        return ReadWords(data, ok, sound, changed, int(changed.sum()), 0)
-
-    def _correct(
-        self, words: Bytes, quality: npt.NDArray[np.float32]
-    ) -> tuple[Bytes, Flags, Flags]:
-        """Corrected codewords, where there is one, and where it is accepted on its own."""
-        corrected, ok, _ = self._code.repair(words)
-        sound = ok.copy()
-        for share in _ERASED:
-            left = np.flatnonzero(~ok)
-            if not len(left):
-                break
-            count = int(share * self._code.parity)
-            least = np.argpartition(quality[left], count, axis=1)[:, :count]
-            erased = np.zeros((len(left), words.shape[1]), np.bool_)
-            np.put_along_axis(erased, least, True, axis=1)
-            corrected[left], ok[left], _ = self._code.repair(words[left], erased)
-            if share <= _SAFE:
-                sound[left] = ok[left]
-        return corrected, ok, sound
-
-
-class LdpcReader:
-    """Reads the words of blocks; see `WordReader`.
-
-    Args:
-        form: form of the blocks.
-        device: OpenCL device of the decoder; None for the compiled form, with the same bits.
-    """
-
-    def __init__(self, form: SoftBlocks, device: Device | None = None) -> None:
-        self._form, self._device = form, device
-        self._soft = np.zeros((form.groups, form.layout.group, form.layout.cells), np.int8)
-
-    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
-        self._form.store(soft, group, self._soft[within])
-
-    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
-        self._soft[missing] = 0
-        form = self._form
-        if isinstance(form, AdaptiveBlocks):
-            number = form.read_header(self._soft)
-            form = form.at(form.number if number is None else number)
-        soft = form.collect(self._soft)
-        data, ok, rounds = form.code.decode(soft, device=self._device)
-        sent = form.code.encode(data)
-        changed = np.empty_like(sent)
-        mark_changed(soft.view(np.uint64), sent, ok, changed)
-        count = int(np.count_nonzero(changed))
-        return ReadWords(data, ok, ok.copy(), changed, count, int(rounds.sum()), form)
-
-
 _MANY: Final = 0.05
 """Share of bytes with a wrong decision from which wrong decisions are kept: fewer do no harm to a
 detector that learns from decisions."""
 _KEPT: Final = 8
 """Number of groups whose wrong decisions are kept: more than a receiver decodes at a time."""
-
-
-def _word_reader(form: Blocks, device: Device | None) -> WordReader:
-    return LdpcReader(form, device) if isinstance(form, SoftBlocks) else ReedSolomonReader(form)
 
 
 class BlockReader(ABC):
@@ -299,3 +174,120 @@ class BlockReader(ABC):
         if words.bytes_changed:
             self.cell_errors += form.cells_of(words.changed)
         return sum(right)
+
+
+def _word_reader(form: Blocks, device: Device | None) -> WordReader:
+    return LdpcReader(form, device) if isinstance(form, SoftBlocks) else ReedSolomonReader(form)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadWords:
+    """The words of a block.
+
+    Attributes:
+        data: (words, data bytes) uint8.
+        ok: (words,) bool, where a word was found.
+        sound: (words,) bool, where it is accepted on its own; otherwise only in a correct frame.
+        changed: what was corrected, as `Blocks.cells_of` takes it: (words, bytes) bool, or bits.
+        bytes_changed: number of bytes corrected in sound words.
+        rounds: rounds of decoding in all words, 0 for a code without rounds.
+        form: form of the block, where each has its own; else None.
+    """
+
+    data: npt.NDArray[np.uint8]
+    ok: Flags
+    sound: Flags
+    changed: npt.NDArray[Any]
+    bytes_changed: int
+    rounds: int
+    form: Blocks | None = None
+
+
+class WordReader(Protocol):
+    """Takes the groups of one block after another, and reads its words."""
+
+    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
+        """Takes a group.
+
+        Args:
+            group: its number.
+            within: its number in the block.
+            soft: (symbols, cells) float32, ln P(1) - ln P(0); 0 or NaN where nothing was received.
+        """
+        ...
+
+    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
+        """Reads a block. missing: numbers of the groups that it lacks."""
+        ...
+
+
+class ReedSolomonReader:
+    """Reads the words of blocks; see `WordReader`."""
+
+    def __init__(self, form: Blocks) -> None:
+        parity = form.layout.mode.parity
+        assert parity is not None
+        self._form, self._code = form, ReedSolomon(parity)
+        self._values = np.zeros((form.groups, form.layout.cells), np.uint8)
+        self._quality = np.zeros(self._values.shape, np.float32)
+
+    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
+        values, quality = decode_line(self._form.layout.mode.line, soft)
+        self._values[within], self._quality[within] = values[0], np.nan_to_num(quality[0], nan=0.0)
+
+    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
+        self._quality[missing] = 0
+        words, quality = self._form.gather(self._values, self._quality, block)
+        corrected, ok, sound = self._correct(words, quality)
+        changed = (corrected != words) & sound[:, None]
+        data = corrected[:, : self._form.data_bytes]
+        return ReadWords(data, ok, sound, changed, int(changed.sum()), 0)
+
+    def _correct(
+        self, words: Bytes, quality: npt.NDArray[np.float32]
+    ) -> tuple[Bytes, Flags, Flags]:
+        """Corrected codewords, where there is one, and where it is accepted on its own."""
+        corrected, ok, _ = self._code.repair(words)
+        sound = ok.copy()
+        for share in _ERASED:
+            left = np.flatnonzero(~ok)
+            if not len(left):
+                break
+            count = int(share * self._code.parity)
+            least = np.argpartition(quality[left], count, axis=1)[:, :count]
+            erased = np.zeros((len(left), words.shape[1]), np.bool_)
+            np.put_along_axis(erased, least, True, axis=1)
+            corrected[left], ok[left], _ = self._code.repair(words[left], erased)
+            if share <= _SAFE:
+                sound[left] = ok[left]
+        return corrected, ok, sound
+
+
+class LdpcReader:
+    """Reads the words of blocks; see `WordReader`.
+
+    Args:
+        form: form of the blocks.
+        device: OpenCL device of the decoder; None for the compiled form, with the same bits.
+    """
+
+    def __init__(self, form: SoftBlocks, device: Device | None = None) -> None:
+        self._form, self._device = form, device
+        self._soft = np.zeros((form.groups, form.layout.group, form.layout.cells), np.int8)
+
+    def store(self, group: int, within: int, soft: npt.NDArray[np.float32]) -> None:
+        self._form.store(soft, group, self._soft[within])
+
+    def read(self, block: int, missing: Sequence[int]) -> ReadWords:
+        self._soft[missing] = 0
+        form = self._form
+        if isinstance(form, AdaptiveBlocks):
+            number = form.read_header(self._soft)
+            form = form.at(form.number if number is None else number)
+        soft = form.collect(self._soft)
+        data, ok, rounds = form.code.decode(soft, device=self._device)
+        sent = form.code.encode(data)
+        changed = np.empty_like(sent)
+        mark_changed(soft.view(np.uint64), sent, ok, changed)
+        count = int(np.count_nonzero(changed))
+        return ReadWords(data, ok, ok.copy(), changed, count, int(rounds.sum()), form)

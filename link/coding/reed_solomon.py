@@ -32,9 +32,13 @@ import numpy.typing as npt
 from numba import njit
 
 _Bytes = npt.NDArray[np.uint8]
-
 _POLYNOMIAL: Final = 0x187
 _STEP: Final = 11
+LOG: Final = np.zeros(256, np.int32)
+"""(256,) int32: logarithms to the base alpha^11; the entry of 0 is undefined."""
+WORD_BYTES: Final = 255
+"""Bytes of a codeword."""
+_N = WORD_BYTES
 
 
 def _powers() -> npt.NDArray[np.uint8]:
@@ -48,17 +52,13 @@ def _powers() -> npt.NDArray[np.uint8]:
 
 EXP: Final = _powers()
 """(510,) uint8: powers of alpha^11."""
-LOG: Final = np.zeros(256, np.int32)
-"""(256,) int32: logarithms to the base alpha^11; the entry of 0 is undefined."""
+
 LOG[EXP[:255]] = np.arange(255)
+
 PRODUCT: Final = np.where(
     (np.arange(256)[:, None] > 0) & (np.arange(256) > 0), EXP[LOG[:, None] + LOG], 0
 ).astype(np.uint8)
 """(256, 256) uint8: products."""
-
-WORD_BYTES: Final = 255
-"""Bytes of a codeword."""
-_N = WORD_BYTES
 
 
 @njit(cache=True, nogil=True)

@@ -43,6 +43,10 @@ _CRC: Final = struct.Struct("<I")
 _LENGTH: Final = struct.Struct("<I")
 _MAGIC, _VERSION = b"Vs", 1
 _NONE: Final = 0xFFFF
+_KEPT: Final = 8
+"""Number of blocks whose bytes are stored: a run that resumes shows the last ones again."""
+State = dict[str, npt.NDArray[Any]]
+"""Arrays of a checkpoint, by name."""
 
 
 @dataclass(frozen=True)
@@ -139,12 +143,6 @@ def with_length(packet: bytes) -> bytes:
     if len(packet) > LONGEST_PACKET:
         raise ValueError(f"a packet must have at most {LONGEST_PACKET} bytes, not {len(packet)}")
     return _LENGTH.pack(len(packet)) + packet
-
-
-_KEPT: Final = 8
-"""Number of blocks whose bytes are stored: a run that resumes shows the last ones again."""
-State = dict[str, npt.NDArray[Any]]
-"""Arrays of a checkpoint, by name."""
 
 
 def stream_blocks(layout: Layout, interleave: bool = True) -> Blocks:

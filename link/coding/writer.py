@@ -1,6 +1,5 @@
-"""The common half of all senders: frames become the values of cells, group by group.
-
-This file also covers the blocks of a layout, by the code of its mode.
+"""The common half of all senders: frames become the values of cells, group by group, in the blocks
+of the mode's code.
 """
 
 from __future__ import annotations
@@ -16,16 +15,6 @@ from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.blocks import Blocks
 from link.coding.soft_blocks import SoftBlocks
 from link.layout import Layout
-
-
-def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:
-    """Blocks of a layout, by the code of its mode; with a rate for each block, those of the highest
-    rate."""
-    if layout.mode.adaptive:
-        return AdaptiveBlocks(layout, interleave, period)
-    kind = Blocks if layout.mode.rate is None else SoftBlocks
-    return kind(layout, interleave, period)
-
 
 _CACHED = 64 << 20
 """Bytes of values that are cached, at least two blocks: sender, check and judge read them."""
@@ -78,3 +67,12 @@ class BlockWriter(ABC):
         for row, frame in zip(framed, self._frames(block), strict=True):
             row[:] = frame
         return form.lay(form.code.encode(data), block)
+
+
+def blocks_of(layout: Layout, interleave: bool = True, period: int | None = None) -> Blocks:
+    """Blocks of a layout, by the code of its mode; with a rate for each block, those of the highest
+    rate."""
+    if layout.mode.adaptive:
+        return AdaptiveBlocks(layout, interleave, period)
+    kind = Blocks if layout.mode.rate is None else SoftBlocks
+    return kind(layout, interleave, period)

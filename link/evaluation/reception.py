@@ -1,6 +1,5 @@
-"""The receiver on a run's recording: its only input is the spikes.
-
-This file also covers the delivery of the received file, and the verdict.
+"""The receiver on a run's recording, whose only input is the spikes, and the delivery of what it
+received: the file, and the verdict.
 """
 
 from __future__ import annotations
@@ -21,6 +20,11 @@ from link.receiving.tuned import Tuned
 from link.setting import Payload
 from link.setup.setup import FileSetup
 from link.verdict import Cause, Verdict
+
+RECEIVED: Final = "received"
+"""Folder of the received file in a run's folder."""
+VERDICT: Final = "verdict.json"
+"""File of the verdict in a run's folder."""
 
 
 def receive_stream(
@@ -55,12 +59,6 @@ def arrival_of(setup: FileSetup, received: Received) -> float | None:
         return None
     clock = setup.setting.camera.clock
     return (clock.edge(received.delivered_tick + 1) - setup.setting.first_light) / PS
-
-
-RECEIVED: Final = "received"
-"""Folder of the received file in a run's folder."""
-VERDICT: Final = "verdict.json"
-"""File of the verdict in a run's folder."""
 
 
 def judge_delivery(setup: FileSetup, received: Received) -> tuple[Verdict, bool]:

@@ -54,6 +54,13 @@ ELSEWHERE: Final = 0.9
 # (two shared cores of an EPYC 9004); a machine of another speed takes another time for all.
 _SEARCH: Final = 1024
 """Ticks after which a receiver without a transmission searches again."""
+_TOGETHER: Final = (
+    ("air", "sensor", "recorder", "check on patches"),
+    ("receiver", "closed form"),
+    ("eye", "errors"),
+)
+"""Stages that run side by side, by the begin of their names. Parts of one stage follow each
+other."""
 
 
 @dataclass(frozen=True)
@@ -234,15 +241,6 @@ def evaluation_times(setup: FileLinkSetup, todo: Amounts, arrives: bool) -> list
         row("report", 1, "pages", REPORT),
         row("rates at other distances", others, "distances", ELSEWHERE * others),
     ]
-
-
-_TOGETHER: Final = (
-    ("air", "sensor", "recorder", "check on patches"),
-    ("receiver", "closed form"),
-    ("eye", "errors"),
-)
-"""Stages that run side by side, by the begin of their names. Parts of one stage follow each
-other."""
 
 
 def _wall(rows: Sequence[StageTime], processors: int) -> float:

@@ -1,6 +1,6 @@
 """The capacity of a link: the limits of its light, pixels and ticks, and what it uses of them.
 
-This file also covers the input of the capacity of a link, from its scenario.
+Its input comes from a scenario, or from a link that is set up.
 """
 
 from __future__ import annotations
@@ -25,90 +25,9 @@ from sensor import CameraSetting
 LARGEST: Final = 1000.0
 """Largest threshold that is modelled electron by electron; a larger one is scaled down together
 with the means."""
-
-
-@dataclass(frozen=True)
-class CapacityInput:
-    """Input of the capacity of a link.
-
-    Attributes:
-        on, off: mean electrons of a tick of a pixel in the middle of ON and of OFF cells.
-        threshold: electrons.
-        reset: reset rule of the pixels.
-        hz: ticks per second.
-        sensor: number of pixels of the camera.
-        on_panel: number of those on the image of the panel.
-        cell_pixels: camera pixels with light of one cell alone, at least 1.
-    """
-
-    on: float
-    off: float
-    threshold: float
-    reset: Reset
-    hz: float
-    sensor: int
-    on_panel: float
-    cell_pixels: int
-
-
-def pixel_bound(link: CapacityInput) -> float:
-    """Bits per tick that no modulation of one pixel's light can exceed.
-
-    It is one bit of a latch, or the capacity of light of this peak and background if less.
-    """
-    peak = max(link.on - link.off, 1e-300)
-    return min(1.0, float(poisson_capacity(link.off / peak)) * peak)
-
-
-def capacity_bps(link: CapacityInput) -> float:
-    """Bits per second of all camera pixels on the panel's image, each at its `pixel_bound`."""
-    return link.on_panel * link.hz * pixel_bound(link)
-
-
-def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
-    """Capacity of a pixel in a tick, and of a cell in a symbol, bits."""
-    on, off, q = link.on, link.off, link.threshold
-    peak, scale = max(on - off, 1e-300), max(link.threshold / LARGEST, 1.0)
-    whole = max(round(q / scale), 1)
-    ticks = 12_800 if whole <= 200 else 1_600
-    rate = fsc_information_rate(
-        link.reset, whole, on / scale, off / scale, ticks=ticks, seed=seed
-    )  # fmt: skip
-    off_law, on_law = count_laws(q, on, off, link.reset, mode.ticks, mode.code.run_limit)
-    cell, share = count_capacity(
-        _sum_law(off_law, link.cell_pixels), _sum_law(on_law, link.cell_pixels)
-    )
-    return {
-        "poisson": {
-            "value": float(poisson_capacity(off / peak)) * peak, "unit": "bit/tick",
-            "what": "light of this peak and background, switched at any speed, every electron seen",
-        },
-        "one_bit": {"value": 1.0, "unit": "bit/tick", "what": "a latch says one bit a tick"},
-        "slot": {
-            "value": float(one_bit_capacity(q, on, off)), "unit": "bit/tick",
-            "what": "a pixel that begins every tick empty, at its best share of ON",
-        },
-        "memory": {
-            "value": rate.rate, "ci": [rate.low, rate.high], "unit": "bit/tick",
-            "ticks": rate.ticks, "threshold": whole,
-            "what": f"random bits through a pixel with {link.reset} reset, Arnold and Loeliger, "
-            "99 % limits",
-        },
-        "cell": {
-            "value": cell, "share_on": share, "looks": link.cell_pixels * mode.ticks,
-            "unit": "bit/symbol",
-            "what": "the count of spikes of a cell's pixels in a symbol's ticks, at its best share "
-            "of ON, pixels independent",
-        },
-    }  # fmt: skip
-
-
-def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
-    """Distribution of the sum of independent counts."""
-    total = np.ones(1)
-    for _ in range(count):
-        total = np.convolve(total, law)
-    return total
+DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
+"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
+where these are smaller than LEAST_CELL in the image."""
 
 
 def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[str, Any]:
@@ -172,9 +91,88 @@ def capacity_document(link: CapacityInput, mode: Mode, seed: int = 1) -> dict[st
     }  # fmt: skip
 
 
-DEFAULT_MODE: Final[dict[str, Any]] = {"cell": 2, "ticks": 1, "line": "scrambled", "parity": 32}
-"""Parts of a mode that are assumed if the scenario leaves them to the pilots of a run; larger cells
-where these are smaller than LEAST_CELL in the image."""
+def capacity_bps(link: CapacityInput) -> float:
+    """Bits per second of all camera pixels on the panel's image, each at its `pixel_bound`."""
+    return link.on_panel * link.hz * pixel_bound(link)
+
+
+def pixel_bound(link: CapacityInput) -> float:
+    """Bits per tick that no modulation of one pixel's light can exceed.
+
+    It is one bit of a latch, or the capacity of light of this peak and background if less.
+    """
+    peak = max(link.on - link.off, 1e-300)
+    return min(1.0, float(poisson_capacity(link.off / peak)) * peak)
+
+
+def _pixel(link: CapacityInput, mode: Mode, seed: int) -> dict[str, Any]:
+    """Capacity of a pixel in a tick, and of a cell in a symbol, bits."""
+    on, off, q = link.on, link.off, link.threshold
+    peak, scale = max(on - off, 1e-300), max(link.threshold / LARGEST, 1.0)
+    whole = max(round(q / scale), 1)
+    ticks = 12_800 if whole <= 200 else 1_600
+    rate = fsc_information_rate(
+        link.reset, whole, on / scale, off / scale, ticks=ticks, seed=seed
+    )  # fmt: skip
+    off_law, on_law = count_laws(q, on, off, link.reset, mode.ticks, mode.code.run_limit)
+    cell, share = count_capacity(
+        _sum_law(off_law, link.cell_pixels), _sum_law(on_law, link.cell_pixels)
+    )
+    return {
+        "poisson": {
+            "value": float(poisson_capacity(off / peak)) * peak, "unit": "bit/tick",
+            "what": "light of this peak and background, switched at any speed, every electron seen",
+        },
+        "one_bit": {"value": 1.0, "unit": "bit/tick", "what": "a latch says one bit a tick"},
+        "slot": {
+            "value": float(one_bit_capacity(q, on, off)), "unit": "bit/tick",
+            "what": "a pixel that begins every tick empty, at its best share of ON",
+        },
+        "memory": {
+            "value": rate.rate, "ci": [rate.low, rate.high], "unit": "bit/tick",
+            "ticks": rate.ticks, "threshold": whole,
+            "what": f"random bits through a pixel with {link.reset} reset, Arnold and Loeliger, "
+            "99 % limits",
+        },
+        "cell": {
+            "value": cell, "share_on": share, "looks": link.cell_pixels * mode.ticks,
+            "unit": "bit/symbol",
+            "what": "the count of spikes of a cell's pixels in a symbol's ticks, at its best share "
+            "of ON, pixels independent",
+        },
+    }  # fmt: skip
+
+
+def _sum_law(law: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
+    """Distribution of the sum of independent counts."""
+    total = np.ones(1)
+    for _ in range(count):
+        total = np.convolve(total, law)
+    return total
+
+
+@dataclass(frozen=True)
+class CapacityInput:
+    """Input of the capacity of a link.
+
+    Attributes:
+        on, off: mean electrons of a tick of a pixel in the middle of ON and of OFF cells.
+        threshold: electrons.
+        reset: reset rule of the pixels.
+        hz: ticks per second.
+        sensor: number of pixels of the camera.
+        on_panel: number of those on the image of the panel.
+        cell_pixels: camera pixels with light of one cell alone, at least 1.
+    """
+
+    on: float
+    off: float
+    threshold: float
+    reset: Reset
+    hz: float
+    sensor: int
+    on_panel: float
+    cell_pixels: int
 
 
 def scenario_input(

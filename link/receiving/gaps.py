@@ -4,44 +4,23 @@ The ticks were put in without spikes, which would tell of light that was off. So
 detected twice, as if no pixel had fired in these ticks, and as if all had: the mean of the soft
 values is small where the missing ticks decide, and other ticks keep what they tell. Leaving out the
 missing ticks alone is not enough, since the laws of the next ticks depend on whether a pixel fired.
-
-This file also covers the classes of phase that a detector has learned, and those that it will need.
-
-A detector with tables has laws for each class of the phase at which symbols begin in a tick. As
-the phase drifts, each row of the camera comes into the next class at a symbol of its own. Its laws
-are counted before, from the last known symbols as if they came so much later.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from link.detect.counting import CONTEXT, PHASES
+from link.detect.counting import CONTEXT
 from link.detect.detector import Bits, Detector, Soft
-from link.detect.joint import Joint
 from link.layout import TRAINING
 from link.receiving.recording import Gap, Recording
 from link.timing import Timing
 
 if TYPE_CHECKING:
     from link.coding import BlockReader
-
-
-def _ticks_of(timing: Timing, first: int, count: int) -> tuple[int, int]:
-    """Ticks of symbols, those before included whose charge they may hold."""
-    rows = np.array([0, timing.rows])
-    begin, end = timing.start(first, rows), timing.start(first + count, rows)
-    return int(np.floor(begin.min())) - CONTEXT, int(np.ceil(end.max()))
-
-
-def _gap_within(recording: Recording, timing: Timing, first: int, count: int) -> Gap | None:
-    """First gap that may touch `count` symbols from `first` on."""
-    begin, end = _ticks_of(timing, first, count)
-    touching = (g for g in recording.gaps if g.tick < end and g.last + g.count > begin)
-    return min(touching, key=lambda gap: gap.tick, default=None)
 
 
 def learn_known(
@@ -65,6 +44,27 @@ def whole_parts(
             whole[n] &= gap.tick >= end or gap.last + gap.count <= begin
     edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8)))
     return [(first + a, first + b) for a, b in edges.reshape(-1, 2).tolist()]
+
+
+def mended(
+    soft: Soft, detector: Detector, recording: Recording, timing: Timing, first: int,
+    inbox: BlockReader,
+) -> Soft:  # fmt: skip
+    """Soft values of whole groups from symbol `first` on, those around a gap detected again: with
+    it at the place, of those that may be, at which most words can be read. No thread may use the
+    detector meanwhile."""
+    count, size = len(soft), inbox.layout.group
+    gap = _gap_within(recording, timing, first, count)
+    if gap is None:
+        return soft
+    group, most = (first - TRAINING) // size, -1
+    for place in range(gap.tick, gap.last + 1):
+        tried = _soft_around(detector, recording, timing, gap, place, first, count)
+        parts = enumerate(np.split(tried, count // size))
+        read = sum(inbox.readable(group + n, part) for n, part in parts)
+        if read > most:
+            soft, most = tried, read
+    return soft
 
 
 def _soft_around(
@@ -106,82 +106,21 @@ def _missing_share(
     return np.asarray(np.clip(inside / timing.period, 0, 1).max(axis=1))
 
 
+def _ticks_of(timing: Timing, first: int, count: int) -> tuple[int, int]:
+    """Ticks of symbols, those before included whose charge they may hold."""
+    rows = np.array([0, timing.rows])
+    begin, end = timing.start(first, rows), timing.start(first + count, rows)
+    return int(np.floor(begin.min())) - CONTEXT, int(np.ceil(end.max()))
+
+
+def _gap_within(recording: Recording, timing: Timing, first: int, count: int) -> Gap | None:
+    """First gap that may touch `count` symbols from `first` on."""
+    begin, end = _ticks_of(timing, first, count)
+    touching = (g for g in recording.gaps if g.tick < end and g.last + g.count > begin)
+    return min(touching, key=lambda gap: gap.tick, default=None)
+
+
 def _put(word: npt.NDArray[np.uint32], bit: np.uint32, value: Any) -> None:
     """Sets a bit of (H, W) words to the lowest one of a value."""
     word &= ~(np.uint32(1) << bit)
     word |= (value & np.uint32(1)) << bit
-
-
-def mended(
-    soft: Soft, detector: Detector, recording: Recording, timing: Timing, first: int,
-    inbox: BlockReader,
-) -> Soft:  # fmt: skip
-    """Soft values of whole groups from symbol `first` on, those around a gap detected again: with
-    it at the place, of those that may be, at which most words can be read. No thread may use the
-    detector meanwhile."""
-    count, size = len(soft), inbox.layout.group
-    gap = _gap_within(recording, timing, first, count)
-    if gap is None:
-        return soft
-    group, most = (first - TRAINING) // size, -1
-    for place in range(gap.tick, gap.last + 1):
-        tried = _soft_around(detector, recording, timing, gap, place, first, count)
-        parts = enumerate(np.split(tried, count // size))
-        read = sum(inbox.readable(group + n, part) for n, part in parts)
-        if read > most:
-            soft, most = tried, read
-    return soft
-
-
-_ROWS: Final = 5
-"""Rows, from the first to the last, whose classes of phase are followed."""
-
-
-class ClassesMet:
-    """Rows, of _ROWS, and the classes of phase that a detector has learned in them.
-
-    Args:
-        detector: detector that has learned from `count` symbols from `first` on.
-        timing: timing of the detector.
-        rows: number of rows of the camera.
-        first, count: the symbols.
-    """
-
-    def __init__(
-        self, detector: Detector, timing: Timing, rows: int, first: int, count: int
-    ) -> None:
-        self.timing, self._rows = timing, rows
-        self._delay = detector.delay if isinstance(detector, Joint) else 0.0
-        self._met = self._of(first, count)
-
-    def _of(self, first: int, count: int) -> set[tuple[int, int]]:
-        row = np.linspace(0, self._rows, _ROWS)[:, None]
-        start = self.timing.start(first + np.arange(count), row) + self._delay
-        phase = np.floor((start - np.floor(start)) * PHASES).astype(int)
-        return {(n, int(each)) for n, some in enumerate(phase) for each in np.unique(some)}
-
-    def has(self, first: int, count: int) -> bool:
-        """Whether all classes of `count` symbols from `first` on are among them."""
-        return self._of(first, count) <= self._met
-
-    def within(self, other: ClassesMet) -> bool:
-        """Whether another one has met all of these classes."""
-        return self._met <= other._met
-
-    def add(self, first: int, count: int) -> None:
-        """Adds the classes of symbols."""
-        self._met |= self._of(first, count)
-
-    def learn_ahead(
-        self, recording: Recording, detector: Detector, known: tuple[int, npt.NDArray[np.bool_]],
-        first: int, count: int,
-    ) -> None:  # fmt: skip
-        """Has the detector learn the classes that `count` symbols fall into and that it has not
-        met. known: the first of the last known symbols, and their bits."""
-        if not isinstance(detector, Joint) or self.has(first, count):
-            return
-        begin, bits = known
-        drift = self.timing.period - detector.ticks
-        late = drift * (first + count - begin - len(bits))
-        learn_known(detector, recording, self.timing, bits, begin, late)
-        self.add(first, count)

@@ -23,13 +23,13 @@ from link.detect.joint import Joint
 from link.layout import TRAINING, is_closing, training
 from link.receiving.acquiring import Acquired, lit_spans
 from link.receiving.ahead import Ahead
-from link.receiving.gaps import ClassesMet, learn_known, mended
+from link.receiving.gaps import learn_known, mended
 from link.receiving.phasing import followed_delay
 from link.receiving.received import Instant, SoftSample, Watcher
 from link.receiving.recording import Recording
 from link.receiving.tally import decide, tally
 from link.receiving.tracking import drift_by_tags
-from link.receiving.tuned import Tuned
+from link.receiving.tuned import ClassesMet, Tuned
 from link.timing import Registration, Timing
 
 if TYPE_CHECKING:

@@ -41,6 +41,18 @@ from link.receiving.recording import Recording
 from link.receiving.synthesis import Levels, Witnesses, choose_witnesses, known_cells, match
 from link.timing import Registration, Timing
 
+_UNKNOWN: Final = (0.3, 0.005)
+"""Standard deviations of the phase and of the drift before the first measurement, ticks: of any
+phase, and of two clocks of 30 parts per million each in an interval of 128 ticks."""
+_MATCH: Final = 0.15
+"""Smallest correlation of the spikes with the light of the known cells."""
+_NOISES: Final = (0.035, 0.05, 0.07, 0.09)
+"""Noise of a spike's charge that is tried, thresholds. Too large a noise gives a biased phase."""
+_REACH: Final = 0.3
+"""Distance from the expected phase within which the likeliest one is taken, ticks."""
+_DOUBT: Final = 0.05
+"""Largest share of decisions that their soft values expect to be wrong."""
+
 
 @dataclass(frozen=True)
 class LoopGains:
@@ -84,11 +96,6 @@ class LoopGains:
 
 GAINS: Final = LoopGains.of(0.25, math.sqrt(0.5))
 """Gains of the loop: 25 intervals a period, damped so that the response has no peak."""
-
-
-_UNKNOWN: Final = (0.3, 0.005)
-"""Standard deviations of the phase and of the drift before the first measurement, ticks: of any
-phase, and of two clocks of 30 parts per million each in an interval of 128 ticks."""
 
 
 def centred(phase: float) -> float:
@@ -145,16 +152,6 @@ class PhaseLoop:
         if wanted < -self._shorter and wanted + 1 <= self._longer:
             self.phase, wanted = self.phase + 1, wanted + 1
         self.correction = min(max(wanted, -self._shorter), self._longer)
-
-
-_MATCH: Final = 0.15
-"""Smallest correlation of the spikes with the light of the known cells."""
-_NOISES: Final = (0.035, 0.05, 0.07, 0.09)
-"""Noise of a spike's charge that is tried, thresholds. Too large a noise gives a biased phase."""
-_REACH: Final = 0.3
-"""Distance from the expected phase within which the likeliest one is taken, ticks."""
-_DOUBT: Final = 0.05
-"""Largest share of decisions that their soft values expect to be wrong."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Likelihood of a timing from known symbols, by a model of the pixels' charge.
+"""Timing and position of a panel from known symbols, by a model of the pixels' charge.
 
 A pixel with hard reset hides the instant within a tick at which a symbol begins: half a tick of
 light may fire or not, depending on the remaining charge. Correlation is then wrong by up to half a
@@ -6,12 +6,10 @@ tick. So the charge of about a thousand pixels is computed from the known cells 
 phase, the light's level and its background are those that maximise the likelihood of the observed
 spikes. The prediction for a pixel uses its spikes so far, so that errors do not accumulate.
 
-This file also covers the homography from known symbols, with every cell of the panel as a mark.
-
-The spikes of about a thousand pixels are modelled from the known cells around them (as for the
-timing), with the image shifted slightly to each side. The change of the likelihood of each pixel's
-spikes gives its displacement, and all of them together the homography: a Newton step with numerical
-derivatives. This registers the panel if its tags are only a few camera pixels large.
+The position follows from the same model, with the image shifted slightly to each side. The change
+of the likelihood of each pixel's spikes gives its displacement, and all of them together the
+homography: a Newton step with numerical derivatives. Every cell is then a mark, so this registers a
+panel whose tags are only a few camera pixels large.
 """
 
 from __future__ import annotations
@@ -30,7 +28,6 @@ from link.receiving.refining import project
 from link.timing import Registration, Timing
 
 Floats = npt.NDArray[np.float64]
-
 NOISE: Final = 0.09
 """Standard deviation of charge at a spike, thresholds: of light, threshold and model together."""
 FLOOR: Final = 0.02
@@ -42,6 +39,12 @@ _PURE, _ENOUGH = 0.98, 400
 """Share of light from one cell for a pixel to count as pure, and the number of pure pixels that is
 enough."""
 _LEAST_PIXELS, _LEAST_TICKS = 100, 16
+_PIXELS: Final = 1500
+_STEPS: Final = 2
+_MOVE: Final = 0.15
+"""Step of the numerical derivatives, camera pixels."""
+_FAR: Final = 1.0
+"""Largest plausible change at a corner, camera pixels."""
 
 
 @dataclass(frozen=True)
@@ -184,68 +187,10 @@ def choose_witnesses(
     return Witnesses(v, u, light, known.begin, bits, low, len(np.unique(cell)))
 
 
-def light_on(
-    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, cells: npt.NDArray[Any]
-) -> Floats:
-    """Share of full light on camera pixels in each symbol, (pixels, n).
-
-    Args:
-        layout: layout of the mode.
-        h: homography.
-        blur: standard deviation, camera pixels.
-        u, v: (pixels,) camera pixels.
-        cells: (n, rows, columns) of the symbols.
-    """
-    return _light(_taps(layout, h, blur, u, v), cells)
-
-
-@dataclass(frozen=True, eq=False)
-class _Taps:
-    """Panel pixels around camera pixels.
-
-    Attributes:
-        cell: (pixels, taps) index of their cell in the flattened (rows, columns).
-        weight: (pixels, taps) their share of the camera pixel's light.
-    """
-
-    cell: npt.NDArray[np.intp]
-    weight: Floats
-
-    def of(self, which: npt.NDArray[np.intp]) -> _Taps:
-        """Taps of some of the camera pixels."""
-        return _Taps(self.cell[which], self.weight[which])
-
-
-def _light(taps: _Taps, cells: npt.NDArray[Any]) -> Floats:
-    """`light_on` of the camera pixels of `taps`."""
-    out = np.empty((len(taps.cell), len(cells)))
-    for n, values in enumerate(cells.reshape(len(cells), -1)):
-        out[:, n] = np.einsum("pt,pt->p", taps.weight, values[taps.cell])
-    return out
-
-
-def _purity(taps: _Taps) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Share of light from the cell in the middle of camera pixels, and the cell."""
-    middle = taps.cell[:, taps.cell.shape[1] // 2]
-    return np.sum(taps.weight * (taps.cell == middle[:, None]), axis=1), middle
-
-
-def _taps(layout: Layout, h: Floats, blur: float, u: Floats, v: Floats) -> _Taps:
-    """Panel pixels around camera pixels."""
-    mode = layout.mode
-    scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
-    spread = max(blur, 0.05)
-    reach = int(np.clip(np.ceil((2.6 * spread + (1 + scale) / 2) / scale), 1, 14))
-    near = np.arange(-reach, reach + 1)
-    x0, y0 = project(np.linalg.inv(h), u, v)
-    qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
-    qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
-    cu, cv = project(h, qx, qy)
-    weight = overlap(cu - u[:, None], spread, scale) * overlap(cv - v[:, None], spread, scale)
-    rows, columns = layout.shape
-    row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
-    column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
-    return _Taps(row * columns + column, weight / weight.sum(1, keepdims=True))
+def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
+    """Mean ln P of the observed bits."""
+    total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
+    return total / (len(w.rows) * max(w.bits.shape[1] - SKIP, 1))
 
 
 def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
@@ -256,12 +201,6 @@ def likelihoods(w: Witnesses, timing: Timing, levels: Levels) -> Floats:
             levels.background, RULES.index(levels.reset), levels.noise, FLOOR, SKIP,
         )
     )  # fmt: skip
-
-
-def likelihood(w: Witnesses, timing: Timing, on: float, background: float, reset: str) -> float:
-    """Mean ln P of the observed bits."""
-    total = float(likelihoods(w, timing, Levels(on, background, reset, 0.0)).sum())
-    return total / (len(w.rows) * max(w.bits.shape[1] - SKIP, 1))
 
 
 def match(w: Witnesses, timing: Timing) -> float:
@@ -277,14 +216,6 @@ def match(w: Witnesses, timing: Timing) -> float:
     b = w.bits - w.bits.mean(1, keepdims=True)
     size = float(np.sqrt((a * a).sum() * (b * b).sum()))
     return float((a * b).sum()) / size if size > 0 else 0.0
-
-
-_PIXELS: Final = 1500
-_STEPS: Final = 2
-_MOVE: Final = 0.15
-"""Step of the numerical derivatives, camera pixels."""
-_FAR: Final = 1.0
-"""Largest plausible change at a corner, camera pixels."""
 
 
 def fit_by_known(
@@ -353,3 +284,67 @@ def _newton(h: Floats, u: Floats, v: Floats, by: list[Floats]) -> Floats | None:
     if np.linalg.eigvalsh(scaled)[0] <= 1e-9:
         return None
     return np.append(np.linalg.solve(scaled, slope / size) / size, 0).reshape(3, 3)
+
+
+def light_on(
+    layout: Layout, h: Floats, blur: float, u: Floats, v: Floats, cells: npt.NDArray[Any]
+) -> Floats:
+    """Share of full light on camera pixels in each symbol, (pixels, n).
+
+    Args:
+        layout: layout of the mode.
+        h: homography.
+        blur: standard deviation, camera pixels.
+        u, v: (pixels,) camera pixels.
+        cells: (n, rows, columns) of the symbols.
+    """
+    return _light(_taps(layout, h, blur, u, v), cells)
+
+
+def _light(taps: _Taps, cells: npt.NDArray[Any]) -> Floats:
+    """`light_on` of the camera pixels of `taps`."""
+    out = np.empty((len(taps.cell), len(cells)))
+    for n, values in enumerate(cells.reshape(len(cells), -1)):
+        out[:, n] = np.einsum("pt,pt->p", taps.weight, values[taps.cell])
+    return out
+
+
+def _purity(taps: _Taps) -> tuple[Floats, npt.NDArray[np.intp]]:
+    """Share of light from the cell in the middle of camera pixels, and the cell."""
+    middle = taps.cell[:, taps.cell.shape[1] // 2]
+    return np.sum(taps.weight * (taps.cell == middle[:, None]), axis=1), middle
+
+
+@dataclass(frozen=True, eq=False)
+class _Taps:
+    """Panel pixels around camera pixels.
+
+    Attributes:
+        cell: (pixels, taps) index of their cell in the flattened (rows, columns).
+        weight: (pixels, taps) their share of the camera pixel's light.
+    """
+
+    cell: npt.NDArray[np.intp]
+    weight: Floats
+
+    def of(self, which: npt.NDArray[np.intp]) -> _Taps:
+        """Taps of some of the camera pixels."""
+        return _Taps(self.cell[which], self.weight[which])
+
+
+def _taps(layout: Layout, h: Floats, blur: float, u: Floats, v: Floats) -> _Taps:
+    """Panel pixels around camera pixels."""
+    mode = layout.mode
+    scale = float(np.sqrt(abs(np.linalg.det(h[:2, :2]))))
+    spread = max(blur, 0.05)
+    reach = int(np.clip(np.ceil((2.6 * spread + (1 + scale) / 2) / scale), 1, 14))
+    near = np.arange(-reach, reach + 1)
+    x0, y0 = project(np.linalg.inv(h), u, v)
+    qx = (np.rint(x0)[:, None, None] + near + 0 * near[:, None]).reshape(len(u), -1)
+    qy = (np.rint(y0)[:, None, None] + near[:, None] + 0 * near).reshape(len(u), -1)
+    cu, cv = project(h, qx, qy)
+    weight = overlap(cu - u[:, None], spread, scale) * overlap(cv - v[:, None], spread, scale)
+    rows, columns = layout.shape
+    row = np.clip((qy // mode.cell).astype(np.intp), 0, rows - 1)
+    column = np.clip((qx // mode.cell).astype(np.intp), 0, columns - 1)
+    return _Taps(row * columns + column, weight / weight.sum(1, keepdims=True))

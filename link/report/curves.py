@@ -20,6 +20,13 @@ COLOURS: Final = ("#2f5fa8", "#d9480f", "#3a8f5c", "#7fa3d6", "#e8a07f", "#8cc4a
 PLACES: Final = {"poisson": "upper right", "reset": (0.02, 0.44), "fading": "upper right",
           "words": "lower right"}  # fmt: skip
 _FLOOR: Final = 1e-6
+_GREY: Final = "#7a8294"
+_LABELS: Final = {
+    "distance": "distance, m", "luminance": "luminance, cd/m²", "ambient": "illuminance, lux",
+    "cell": "side of a cell, panel pixels",
+}  # fmt: skip
+_LEAST: Final = 1e-3
+"""Smallest rate drawn, over the largest."""
 
 
 def draw_curves(document: dict[str, Any], path: Path) -> None:
@@ -75,15 +82,6 @@ def _curve(ax: Any, curve: dict[str, Any], colour: str) -> None:
                 x[drawn], measured[drawn], [(measured - low)[drawn], (high - measured)[drawn]],
                 fmt="o", markersize=4, color=colour, markerfacecolor=fill, elinewidth=1, capsize=2,
             )  # fmt: skip
-
-
-_GREY: Final = "#7a8294"
-_LABELS: Final = {
-    "distance": "distance, m", "luminance": "luminance, cd/m²", "ambient": "illuminance, lux",
-    "cell": "side of a cell, panel pixels",
-}  # fmt: skip
-_LEAST: Final = 1e-3
-"""Smallest rate drawn, over the largest."""
 
 
 def draw_capacity(curves: list[dict[str, Any]], path: Path) -> None:

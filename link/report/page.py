@@ -1,7 +1,4 @@
-"""The report page of a link's run.
-
-This file also covers how the camera's clock was locked, for reports: a figure and its section.
-"""
+"""The report page of a link's run, with the section on the lock of the camera's clock."""
 
 from __future__ import annotations
 
@@ -39,61 +36,31 @@ _ASKED = 0.1
 """Phase within which symbols of one tick keep their information, ticks."""
 
 
-def _figure(lock: ClockLock, path: Path) -> Data:
-    """Draws the true phase over the run, and what the loop measured with its standard errors."""
-    with figure_at(path, 8.2, 2.8) as (figure, ax):
-        ax.plot(np.arange(lock.phase.size), lock.phase, color=INK, linewidth=1.2, label="true")
-        at = INTERVAL * np.arange(lock.measured.size)
-        ax.errorbar(
-            at, lock.measured, lock.error, fmt="o", markersize=4, color=BLUE, capsize=3,
-            label="measured by the loop",
-        )  # fmt: skip
-        for limit in (-_ASKED, _ASKED):
-            ax.axhline(limit, color=MARK, linewidth=1, linestyle="--")
-        ax.set_xlim(0, lock.phase.size)
-        ax.set_xlabel("tick of the recording")
-        ax.set_ylabel("planes after the ticks, ticks")
-        ax.legend(fontsize=8.5, frameon=False, ncols=2)
-    return drawn(figure)
-
-
-def phase_section(lock: ClockLock | None, figures: Path) -> str:
-    """Section on a locked clock; writes its figure. Empty without a lock."""
-    if lock is None:
-        return ""
-    path = figures / "phase.png"
-    data = _figure(lock, path)
-    return (
-        "<h2>Phase of the clocks</h2><p>The board that makes the camera's ticks lengthens and "
-        "shortens them by counts of its master clock, so that the panel's planes begin with them. "
-        f"The loop locked within {count(lock.acquired)} ticks before the recording, from the phase "
-        "that chance or the scenario gave. Over the recording the true phase, which the loop does "
-        f"not know, was {number(lock.rms, 2)} ticks rms and at most {number(lock.most, 2)}. The "
-        "loop's spikes are those of a model of a strip of the "
-        "panel.</p>"
-        + plot(path, "phase of the panel's planes over the run: true and measured", data)
-    )
-
-
-def _rate(value: float | None) -> str:
-    return NOT_KNOWN if value is None else bits(value)
-
-
-def _frames_of(result: Result, name: str) -> str:
-    value = result.metrics[f"frames_{name}"].value
-    return NOT_KNOWN if value is None else count(value)
-
-
-def _cards(link: LinkEvaluation, run: Run) -> list[Card]:
-    lost, sent = _frames_of(run.result, "lost"), _frames_of(run.result, "sent")
-    errors = NOT_KNOWN if link.errors.rate is None else number(link.errors.rate)
-    return [
-        ("first", "whole" if link.delivered else "not delivered",
-         f"the file, {count(len(link.setup.payload.data))} bytes, {link.setup.payload.name}"),
-        ("first", _rate(link.rates.goodput), "goodput: first light to last verified byte"),
-        ("first", errors, "raw bit error rate"),
-        ("", f"{lost} of {sent}", "frames lost"),
+def link_page(link: LinkEvaluation, run: Run) -> Page:
+    """Page of a run; writes its figures."""
+    figures, camera = run.folder / "figures", link.setting.camera
+    sections = [
+        _verdict(link), _rates(link, run.result, figures), _delay(link, figures),
+        errors_section(link, figures), cells_section(link, figures), _view(link, figures),
+        phase_section(link.setup.lock, figures), _reach(link, figures),
+        effects_section(link, run.result), machine_section(link),
     ]  # fmt: skip
+    stream = shlex.quote(str(run.folder / "stream.zarr"))
+    return Page(
+        title=link.scenario.title,
+        subtitle=f"{camera.chip.title}, {number(link.scenario.sensor.clock / 1e3)} kHz, a panel of "
+        f"{link.mode.width} x {link.mode.height} pixels at {number(link.setting.air.distance)} m",
+        simulated=_simulated(link, run),
+        cards=_cards(link, run),
+        sections=sections,
+        good="How good the link is",
+        quality="Goodput counts everything that is sent beside the file; a bit error rate of 0.01 "
+        "means that one bit in a hundred is decided wrongly before codes mend it.",
+        commands=[f"viform link receive {stream} --out again"],
+        commands_do="<p>The first line decodes the recording again; the second reproduces the "
+        "same bits.</p>",
+        files=sorted(f"figures/{path.name}" for path in figures.glob("*.png")),
+    )
 
 
 def _simulated(link: LinkEvaluation, run: Run) -> str:
@@ -120,6 +87,22 @@ def _view(link: LinkEvaluation, figures: Path) -> str:
         "pixels to a "
         "panel pixel.</p>" + plot(path, "average image of the camera with the panel's outline")
     )
+
+
+def _cards(link: LinkEvaluation, run: Run) -> list[Card]:
+    lost, sent = _frames_of(run.result, "lost"), _frames_of(run.result, "sent")
+    errors = NOT_KNOWN if link.errors.rate is None else number(link.errors.rate)
+    return [
+        ("first", "whole" if link.delivered else "not delivered",
+         f"the file, {count(len(link.setup.payload.data))} bytes, {link.setup.payload.name}"),
+        ("first", _rate(link.rates.goodput), "goodput: first light to last verified byte"),
+        ("first", errors, "raw bit error rate"),
+        ("", f"{lost} of {sent}", "frames lost"),
+    ]  # fmt: skip
+
+
+def _rate(value: float | None) -> str:
+    return NOT_KNOWN if value is None else bits(value)
 
 
 def _rates(link: LinkEvaluation, result: Result, figures: Path) -> str:
@@ -170,6 +153,11 @@ def _decoding(link: LinkEvaluation) -> list[list[str]]:
     if runs:
         rows.append(["rates of the blocks", ", ".join(f"{rate:g}x{many}" for rate, many in runs)])
     return rows
+
+
+def _frames_of(result: Result, name: str) -> str:
+    value = result.metrics[f"frames_{name}"].value
+    return NOT_KNOWN if value is None else count(value)
 
 
 def _frames(result: Result) -> str:
@@ -275,28 +263,37 @@ def _verdict(link: LinkEvaluation) -> str:
     return f"<h2>{html.escape(head)}</h2><p>{html.escape(link.verdict.text)}</p>"
 
 
-def link_page(link: LinkEvaluation, run: Run) -> Page:
-    """Page of a run; writes its figures."""
-    figures, camera = run.folder / "figures", link.setting.camera
-    sections = [
-        _verdict(link), _rates(link, run.result, figures), _delay(link, figures),
-        errors_section(link, figures), cells_section(link, figures), _view(link, figures),
-        phase_section(link.setup.lock, figures), _reach(link, figures),
-        effects_section(link, run.result), machine_section(link),
-    ]  # fmt: skip
-    stream = shlex.quote(str(run.folder / "stream.zarr"))
-    return Page(
-        title=link.scenario.title,
-        subtitle=f"{camera.chip.title}, {number(link.scenario.sensor.clock / 1e3)} kHz, a panel of "
-        f"{link.mode.width} x {link.mode.height} pixels at {number(link.setting.air.distance)} m",
-        simulated=_simulated(link, run),
-        cards=_cards(link, run),
-        sections=sections,
-        good="How good the link is",
-        quality="Goodput counts everything that is sent beside the file; a bit error rate of 0.01 "
-        "means that one bit in a hundred is decided wrongly before codes mend it.",
-        commands=[f"viform link receive {stream} --out again"],
-        commands_do="<p>The first line decodes the recording again; the second reproduces the "
-        "same bits.</p>",
-        files=sorted(f"figures/{path.name}" for path in figures.glob("*.png")),
+def phase_section(lock: ClockLock | None, figures: Path) -> str:
+    """Section on a locked clock; writes its figure. Empty without a lock."""
+    if lock is None:
+        return ""
+    path = figures / "phase.png"
+    data = _figure(lock, path)
+    return (
+        "<h2>Phase of the clocks</h2><p>The board that makes the camera's ticks lengthens and "
+        "shortens them by counts of its master clock, so that the panel's planes begin with them. "
+        f"The loop locked within {count(lock.acquired)} ticks before the recording, from the phase "
+        "that chance or the scenario gave. Over the recording the true phase, which the loop does "
+        f"not know, was {number(lock.rms, 2)} ticks rms and at most {number(lock.most, 2)}. The "
+        "loop's spikes are those of a model of a strip of the "
+        "panel.</p>"
+        + plot(path, "phase of the panel's planes over the run: true and measured", data)
     )
+
+
+def _figure(lock: ClockLock, path: Path) -> Data:
+    """Draws the true phase over the run, and what the loop measured with its standard errors."""
+    with figure_at(path, 8.2, 2.8) as (figure, ax):
+        ax.plot(np.arange(lock.phase.size), lock.phase, color=INK, linewidth=1.2, label="true")
+        at = INTERVAL * np.arange(lock.measured.size)
+        ax.errorbar(
+            at, lock.measured, lock.error, fmt="o", markersize=4, color=BLUE, capsize=3,
+            label="measured by the loop",
+        )  # fmt: skip
+        for limit in (-_ASKED, _ASKED):
+            ax.axhline(limit, color=MARK, linewidth=1, linestyle="--")
+        ax.set_xlim(0, lock.phase.size)
+        ax.set_xlabel("tick of the recording")
+        ax.set_ylabel("planes after the ticks, ticks")
+        ax.legend(fontsize=8.5, frameon=False, ncols=2)
+    return drawn(figure)

@@ -1,9 +1,7 @@
-"""Data on a panel: symbols on cells, cells and tags on pixels, pixels in words.
+"""A transmission as planes of a panel, of a file or of a spike stream.
 
-This file also covers the four AprilTags in the panel's corners, which give its position and its
-mode.
-
-This file also covers a transmission as a spike stream, for files and panels.
+Symbols are drawn on cells, cells and tags on pixels, and pixels in words. The four AprilTags in the
+panel's corners, the same in every plane, give its position and its mode.
 """
 
 from __future__ import annotations
@@ -26,58 +24,9 @@ from link.line_codes import encode_line
 from link.mode import Mode
 
 _Bits = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Tag:
-    """A tag on the panel.
-
-    Attributes:
-        number: id in the family 36h11.
-        place: rows and columns of panel pixels that it covers.
-        bright: (side, side) bool, pixels that are on, its margin of one module included.
-    """
-
-    number: int
-    place: tuple[slice, slice]
-    bright: npt.NDArray[np.bool_]
-
-
-def draw_tags(layout: Layout) -> tuple[Tag, ...]:
-    """Tags at top left, top right, bottom right, bottom left; they are the same in every plane.
-
-    The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
-    """
-    import cv2
-
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    side, black = layout.tag, (TAG_MODULES - 2) * layout.module
-    down, right = layout.mode.height - side, layout.mode.width - side
-    tags = []
-    for number, (top, left) in zip(
-        layout.mode.tags, ((0, 0), (0, right), (down, right), (down, 0)), strict=True
-    ):
-        marker = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, black)) > 127
-        bright = np.pad(marker, layout.module, constant_values=True)
-        tags.append(Tag(number, (slice(top, top + side), slice(left, left + side)), bright))
-    return tuple(tags)
-
-
 T = TypeVar("T", np.bool_, np.uint32)
-
-
 _KEPT: Final = 8
 """Number of groups in the state: a run that resumes shows the last ones again."""
-
-
-@njit(cache=True, nogil=True)
-def _enlarge(cells, side, out):  # type: ignore[no-untyped-def]
-    """Fills out, (height, width), with cells, (rows, columns), of side x side pixels."""
-    for row in range(cells.shape[0] * side):
-        line = cells[row // side]
-        for column in range(line.size):
-            for n in range(column * side, (column + 1) * side):
-                out[row, n] = line[column]
 
 
 class Transmission:
@@ -288,3 +237,48 @@ class PlaneStream:
         """Words of the stream; see `SpikeStream`."""
         count = max(min(stop * WORD, self.cycles) - first * WORD, 0)
         return np.ascontiguousarray(self.sent.words(first * WORD, count))
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """A tag on the panel.
+
+    Attributes:
+        number: id in the family 36h11.
+        place: rows and columns of panel pixels that it covers.
+        bright: (side, side) bool, pixels that are on, its margin of one module included.
+    """
+
+    number: int
+    place: tuple[slice, slice]
+    bright: npt.NDArray[np.bool_]
+
+
+def draw_tags(layout: Layout) -> tuple[Tag, ...]:
+    """Tags at top left, top right, bottom right, bottom left; they are the same in every plane.
+
+    The family is that of Olson, ICRA 2011, and Wang & Olson, IROS 2016.
+    """
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    side, black = layout.tag, (TAG_MODULES - 2) * layout.module
+    down, right = layout.mode.height - side, layout.mode.width - side
+    tags = []
+    for number, (top, left) in zip(
+        layout.mode.tags, ((0, 0), (0, right), (down, right), (down, 0)), strict=True
+    ):
+        marker = np.asarray(cv2.aruco.generateImageMarker(dictionary, number, black)) > 127
+        bright = np.pad(marker, layout.module, constant_values=True)
+        tags.append(Tag(number, (slice(top, top + side), slice(left, left + side)), bright))
+    return tuple(tags)
+
+
+@njit(cache=True, nogil=True)
+def _enlarge(cells, side, out):  # type: ignore[no-untyped-def]
+    """Fills out, (height, width), with cells, (rows, columns), of side x side pixels."""
+    for row in range(cells.shape[0] * side):
+        line = cells[row // side]
+        for column in range(line.size):
+            for n in range(column * side, (column + 1) * side):
+                out[row, n] = line[column]

@@ -28,13 +28,25 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-
 Particles = Literal["kim", "kruse"]
 PRINTED: Final = 3.91
 """-ln 0.02, Koschmieder at a contrast of 2 %, as printed by Kim (exact: 3.912)."""
 DB_PER_NEPER: Final = 10 / np.log(10)
 REFERENCE_NM: Final = 550.0
 """Wavelength that visibility refers to, nm."""
+RYTOV: Final = {"plane": 1.23, "spherical": 0.4 * 1.23}
+"""Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., section 8.2."""
+LARGE: Final = (0.49, 1.11, 7 / 6)
+SMALL: Final = (0.51, 0.69, 5 / 6)
+"""(strength, saturation, power) of large and small eddies for a plane wave without inner scale:
+Al-Habash, Andrews, Phillips, Opt. Eng. 40:1554 (2001)."""
+Convention = Literal["peak", "average"]
+_FINE, _COARSE = 0.4, 0.125
+"""Steps of the rule: _FINE in standard deviations of the law, _COARSE as the upper limit. The error
+is about exp(-2 pi d / step) if the integrand has no singularity or growth within d of the axis:
+exp(-79) for a Gaussian of deviation 1, exp(-39) for Q(e^u), whose d is pi / 4."""
+_AT_ONCE: Final = 1 << 18
+"""Number of integrand values computed at once."""
 
 
 def size_exponent(visibility_km: npt.ArrayLike, particles: Particles = "kim") -> Array:
@@ -62,14 +74,6 @@ def extinction_db_per_km(
     v, nm = np.asarray(visibility_km, np.float64), np.asarray(wavelength_nm, np.float64)
     q = size_exponent(v, particles)
     return np.asarray(DB_PER_NEPER * PRINTED / v * (nm / REFERENCE_NM) ** -q)
-
-
-RYTOV: Final = {"plane": 1.23, "spherical": 0.4 * 1.23}
-"""Andrews and Phillips, Laser Beam Propagation through Random Media, 2nd ed., section 8.2."""
-LARGE: Final = (0.49, 1.11, 7 / 6)
-SMALL: Final = (0.51, 0.69, 5 / 6)
-"""(strength, saturation, power) of large and small eddies for a plane wave without inner scale:
-Al-Habash, Andrews, Phillips, Opt. Eng. 40:1554 (2001)."""
 
 
 def rytov(
@@ -114,15 +118,6 @@ def correlation_time(
     """
     zone = np.sqrt(np.asarray(wavelength, np.float64) * np.asarray(length, np.float64))
     return np.asarray(zone / np.asarray(wind, np.float64))
-
-
-Convention = Literal["peak", "average"]
-_FINE, _COARSE = 0.4, 0.125
-"""Steps of the rule: _FINE in standard deviations of the law, _COARSE as the upper limit. The error
-is about exp(-2 pi d / step) if the integrand has no singularity or growth within d of the axis:
-exp(-79) for a Gaussian of deviation 1, exp(-39) for Q(e^u), whose d is pi / 4."""
-_AT_ONCE: Final = 1 << 18
-"""Number of integrand values computed at once."""
 
 
 def amplitude_of(snr_db: npt.ArrayLike, convention: Convention) -> Array:

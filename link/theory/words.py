@@ -1,17 +1,14 @@
-"""Word error rates of a Reed-Solomon code of bytes, under independent errors and under bursts.
+"""Word error rates of the link's codes, and the share of words that a mode loses.
 
-This file also covers the word error rates of the link's low-density parity-check codes, against the
-information of a bit.
+Those of a Reed-Solomon code of bytes hold under independent errors and under bursts.
 
-There is no closed form of them. Here the share of failed words is taken for the probability that
-the information of a word's bits, which is normally distributed, falls short of what the code needs:
-Q((I - needed) / spread). Both figures of each rate were measured with `link.coding.ldpc` on signs
-in white noise (tests/link/theory/test_words.py), on words of _BITS data bits. Failures of
-shorter words spread wider, as the root of their length. What channels of equal information differ
-in is neglected, as in the mutual information models of link simulation (Brueninghaus and others,
-PIMRC 2005).
-
-This file also covers the share of words that a mode's code cannot correct, for a bit error rate.
+There is no closed form of those of the low-density parity-check codes. Their share of failed words
+is taken for the probability that the information of a word's bits, which is normally distributed,
+falls short of what the code needs: Q((I - needed) / spread). Both figures of each rate were
+measured with `link.coding.ldpc` on signs in white noise (tests/link/theory/test_words.py), on words
+of _BITS data bits. Failures of shorter words spread wider, as the root of their length. What
+channels of equal information differ in is neglected, as in the mutual information models of link
+simulation (Brueninghaus and others, PIMRC 2005).
 """
 
 from __future__ import annotations
@@ -25,6 +22,41 @@ from link.coding import WORD_BYTES
 from link.mode import EVERY_RATE, Mode
 
 Array = npt.NDArray[np.float64]
+_BITS: Final = 8448
+"""Data bits of the measured words."""
+_MEASURED: Final = {
+    0.4: (0.4518, 0.0065),
+    0.5: (0.5467, 0.0075),
+    0.55: (0.5952, 0.0072),
+    0.6: (0.6469, 0.0071),
+    0.65: (0.6945, 0.0072),
+    0.7: (0.7429, 0.0077),
+    0.75: (0.7846, 0.0069),
+    0.8: (0.8290, 0.0063),
+    0.84: (0.8621, 0.0059),
+    0.88: (0.9001, 0.0052),
+    0.91: (0.9287, 0.0043),
+    0.935: (0.9525, 0.0035),
+    0.955: (0.9719, 0.0023),
+    0.97: (0.9873, 0.0014),
+}
+"""Rate -> information of a bit at which half of the words fail, and spread of it."""
+_NODES, _WEIGHTS = np.polynomial.hermite.hermgauss(100)
+
+
+def word_loss(mode: Mode, errors: float) -> float:
+    """Share of lost words, for independent bits of this error rate.
+
+    With a low-density parity-check code it is an estimate: the bits are taken for signs in white
+    noise, whose information follows from their errors. With a rate for each block it is the loss
+    at the lowest one.
+    """
+    errors = min(errors, 0.5)
+    if mode.parity is None:
+        rate = min(EVERY_RATE) if mode.rate is None else mode.rate
+        return ldpc_word_error(rate, sign_information(errors))
+    of_a_byte = round(8 * mode.code.symbols / mode.code.bits)
+    return float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte_error(errors, of_a_byte)))
 
 
 def byte_error(ber: npt.ArrayLike, bits: int = 8) -> Array:
@@ -103,28 +135,6 @@ def _count(law: Array) -> Array:
     return out
 
 
-_BITS: Final = 8448
-"""Data bits of the measured words."""
-_MEASURED: Final = {
-    0.4: (0.4518, 0.0065),
-    0.5: (0.5467, 0.0075),
-    0.55: (0.5952, 0.0072),
-    0.6: (0.6469, 0.0071),
-    0.65: (0.6945, 0.0072),
-    0.7: (0.7429, 0.0077),
-    0.75: (0.7846, 0.0069),
-    0.8: (0.8290, 0.0063),
-    0.84: (0.8621, 0.0059),
-    0.88: (0.9001, 0.0052),
-    0.91: (0.9287, 0.0043),
-    0.935: (0.9525, 0.0035),
-    0.955: (0.9719, 0.0023),
-    0.97: (0.9873, 0.0014),
-}
-"""Rate -> information of a bit at which half of the words fail, and spread of it."""
-_NODES, _WEIGHTS = np.polynomial.hermite.hermgauss(100)
-
-
 def ldpc_word_error(rate: float, information: npt.ArrayLike, data_bits: int = _BITS) -> float:
     """Share of words that fail.
 
@@ -152,18 +162,3 @@ def sign_information(errors: float) -> float:
     ratio = -float(ndtri(errors))  # 1/s
     soft = 2 * ratio**2 + 2 * ratio * np.sqrt(2) * _NODES
     return float(1 - _WEIGHTS @ np.logaddexp(0, -soft) / np.log(2) / np.sqrt(np.pi))
-
-
-def word_loss(mode: Mode, errors: float) -> float:
-    """Share of lost words, for independent bits of this error rate.
-
-    With a low-density parity-check code it is an estimate: the bits are taken for signs in white
-    noise, whose information follows from their errors. With a rate for each block it is the loss
-    at the lowest one.
-    """
-    errors = min(errors, 0.5)
-    if mode.parity is None:
-        rate = min(EVERY_RATE) if mode.rate is None else mode.rate
-        return ldpc_word_error(rate, sign_information(errors))
-    of_a_byte = round(8 * mode.code.symbols / mode.code.bits)
-    return float(rs_word_error(WORD_BYTES, WORD_BYTES - mode.parity, byte_error(errors, of_a_byte)))

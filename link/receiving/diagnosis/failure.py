@@ -1,6 +1,5 @@
-"""The cause of failure for a stream without a detected transmission.
-
-This file also covers the cause of failure if not all tags of a panel were detected.
+"""The cause of failure for a stream without a detected transmission, also if none or only some of
+the panel's tags were detected.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from link.receiving.tags import LEAST_MODULE, find_tags, tag_corners, tag_places
 from link.verdict import Cause, Verdict
 
 Floats = npt.NDArray[np.float64]
-
 _SHINES: Final = 0.1
 """Rate of the brightest pixels below which the content of an image cannot be identified."""
 PEAK: Final = 6.5
@@ -50,106 +48,97 @@ is finer."""
 _BLOB, _SHARP = 0.04, 0.03
 """Thresholds for a panel out of focus: _BLOB is the smallest lit share of the image, _SHARP the
 largest share of fine detail in its variance."""
+_DARK: Final = 0.004
+"""Rate below which the image counts as dark: a spike in 250 ticks."""
+_SHORT: Final = 48
+"""Ticks below which a stream is too short for a detection."""
+_CLOCKS: Final = (100_000.0, 500.0)
+"""Range of the widest search for a clock, and its step, parts per million."""
 
 
-def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
-    """Cause if one to three tags were detected, or four that belong to no mode."""
-    in_view = sorted(evidence.search.tags)
-    names = ("top left", "top right", "bottom right", "bottom left")
-    if len(in_view) == 4:
+def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
+    """Cause for a stream without a detected transmission."""
+    if evidence is None or recording.ticks < _SHORT:
         return Verdict(
-            Cause.NOISY,
-            "four tags are in view, but they are of no mode of this link; show one panel alone",
+            Cause.TRUNCATED,
+            f"the stream has {recording.ticks} ticks, too few to find a panel in; record {_SHORT} "
+            "ticks of the panel at least",
         )
-    missing = [corner for corner in range(4) if corner not in in_view]
-    where = _missing_places(evidence, missing)
-    height, width = recording.shape
-    # Detection needs the margin, so a tag that is cut there is lost.
-    outside = [
-        corner
-        for corner, places in where.items()
-        if not ((places >= -0.5) & (places <= (width - 0.5, height - 0.5))).all()
-    ]
-    places_text = " and ".join(names[corner] for corner in missing)
-    if outside:
+    if evidence.most < _DARK:
         return Verdict(
-            Cause.OUT_OF_VIEW,
-            f"{len(in_view)} of 4 tags are in view; that at the {places_text} reaches beyond the "
-            "image's edge; aim the camera at the middle of the panel, or step back",
+            Cause.DARK,
+            f"the brightest pixels fire {evidence.most:.3g} times a tick; switch the panel on, "
+            "open the lens, or lower the threshold",
         )
-    module = _module(evidence)
-    if module < LEAST_MODULE:
+    if evidence.bright >= SATURATED:
+        return Verdict(
+            Cause.SATURATED,
+            f"{evidence.bright:.0%} of the pixels fire at every tick; stop the lens down, raise "
+            "the threshold, or shade the camera",
+        )
+    if evidence.tiny is not None:
+        mode = evidence.mode
+        assert mode is not None
         return Verdict(
             Cause.TOO_SMALL,
-            f"{len(in_view)} of 4 tags are readable, not that at the {places_text}: tags too "
-            f"small, whose modules are {module:.2g} camera pixels and need {LEAST_MODULE:g} or "
-            "more; step nearer, or take a longer lens or a larger panel",
+            f"the tags say {mode.width} x {mode.height} panel pixels with cells of "
+            f"{mode.cell} x {mode.cell}, of which one is {evidence.tiny:.2g} camera pixels wide; "
+            "step nearer or send larger cells",
+        )
+    if evidence.refined is not None:
+        return _no_symbols(recording, evidence)
+    if evidence.search.tags:
+        return few_tags_verdict(recording, evidence)
+    return no_tag_verdict(recording, evidence)
+
+
+def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
+    """Cause if the panel was detected, but not its symbols."""
+    assert evidence.refined is not None
+    if evidence.mode is None or evidence.lit is None:
+        return Verdict(
+            Cause.DIM,
+            f"the tags' white fires {evidence.refined.white:.3g} times a tick, their black "
+            f"{evidence.refined.black:.3g}; open the lens or lower the threshold",
+        )
+    signal = pilot_signal(recording, Layout(evidence.mode), evidence.refined.homography)
+    clock = None
+    if signal is not None:
+        low, high = (tick - signal.first for tick in evidence.lit)
+        pilots = (signal.bits @ signal.pixels)[max(low, 0) : high]
+        clock = _clock_verdict(pilots, evidence.mode.ticks)
+    if clock is not None:
+        return clock
+    least = (TRAINING + Layout(evidence.mode).group) * evidence.mode.ticks
+    light = brightness_verdict(evidence.refined.white, evidence.refined.black)
+    if light is not None:
+        return light
+    if evidence.lit[1] - evidence.lit[0] < max(_SHORT, least):
+        return Verdict(
+            Cause.TRUNCATED,
+            f"the panel is on for {evidence.lit[1] - evidence.lit[0]} ticks of the stream only, "
+            f"and its training and first group take {least}; record longer",
         )
     return Verdict(
-        Cause.OCCLUDED,
-        f"{len(in_view)} of 4 tags are in view; that at the {places_text} is hidden or unreadable, "
-        "though its place is within the image; clear the line of sight",
+        Cause.WRONG_CLOCK,
+        "the panel is in view but its pilots do not show at any clock within "
+        f"{_CLOCKS[0] / 1e4:.0f} % of the camera's; show {evidence.mode.ticks} planes of the "
+        "panel's clock a symbol, at the camera's rate",
     )
 
 
-def _seen_layout(evidence: Evidence) -> Layout | None:
-    """A layout of the size in the ids of the detected tags; None if there is none. A panel with one
-    unknown side is taken to be square."""
-    tags = evidence.search.tags
-    sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
-    known = [side for side in sides if side]
-    width, height = (side or (known[0] if known else 960) for side in sides)
-    try:
-        return Layout(Mode(width, height, 1, 1, "none", 32))
-    except ValueError:
+def _clock_verdict(pilots: Floats, ticks: int) -> Verdict | None:
+    """Verdict if the clock is off, else None. pilots: (ticks,) spikes of all pilots."""
+    if len(pilots) < _SHORT:
         return None
-
-
-def _module(evidence: Evidence) -> float:
-    """Size of a module of the detected tags, mean, camera pixels; infinite if unknown."""
-    layout = _seen_layout(evidence)
-    if layout is None:
-        return math.inf
-    around = [1, 2, 3, 0]
-    sizes = []
-    for corner, (_, places) in evidence.search.tags.items():
-        panel = np.asarray(tag_corners(layout, corner), np.float64)
-        camera = np.asarray(places, np.float64)
-        seen, own = (
-            np.linalg.norm(points[around] - points, axis=1).mean() for points in (camera, panel)
-        )
-        sizes.append(float(seen / own) * layout.module)
-    return float(np.mean(sizes))
-
-
-def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
-    """Camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin included.
-
-    They follow from the detected tags and from the size of the panel in their ids.
-    """
-    import cv2
-
-    tags, layout = evidence.search.tags, _seen_layout(evidence)
-    if layout is None:
-        return {}
-    panel = np.concatenate([tag_corners(layout, corner) for corner in tags])
-    camera = np.concatenate([tags[corner][1] for corner in tags])
-    if len(tags) > 1:
-        h, _ = cv2.findHomography(panel, camera, 0)
-    else:  # one small tag does not determine the perspective
-        part, _ = cv2.estimateAffine2D(panel, camera)
-        h = np.vstack([part, [0, 0, 1]]) if part is not None else None
-    if h is None or not np.isfinite(h).all():
-        return {}
-    out = {}
-    for corner in missing:
-        x, y = tag_places(layout)[corner]
-        inset = layout.module / 2 - 0.5  # half of the margin is enough
-        low, high = np.array([x, y]) + inset, np.array([x, y]) + layout.tag - 1 - inset
-        across = np.array([low[0], high[0], high[0], low[0]])
-        down = np.array([low[1], low[1], high[1], high[1]])
-        out[corner] = np.stack(project(np.asarray(h), across, down), axis=-1)
-    return out
+    _, ppm, score = global_clock(pilots, (ticks,), *_CLOCKS)
+    if score < PEAK or abs(ppm) < WRONG_PPM:
+        return None
+    return Verdict(
+        Cause.WRONG_CLOCK,
+        f"the panel's clock is {ppm:+.0f} parts per million off the camera's (symbols of {ticks} "
+        "planes); set both to the same frequency",
+    )
 
 
 def no_tag_verdict(recording: Recording, evidence: Evidence) -> Verdict:
@@ -263,94 +252,101 @@ def _sharpness(rates: npt.NDArray[np.float32]) -> float:
     return float(np.var(rates - smooth)) / all_of_it if all_of_it > 0 else 0.0
 
 
-_DARK: Final = 0.004
-"""Rate below which the image counts as dark: a spike in 250 ticks."""
-_SHORT: Final = 48
-"""Ticks below which a stream is too short for a detection."""
-_CLOCKS: Final = (100_000.0, 500.0)
-"""Range of the widest search for a clock, and its step, parts per million."""
-
-
-def explain_failure(recording: Recording, evidence: Evidence | None) -> Verdict:
-    """Cause for a stream without a detected transmission."""
-    if evidence is None or recording.ticks < _SHORT:
+def few_tags_verdict(recording: Recording, evidence: Evidence) -> Verdict:
+    """Cause if one to three tags were detected, or four that belong to no mode."""
+    in_view = sorted(evidence.search.tags)
+    names = ("top left", "top right", "bottom right", "bottom left")
+    if len(in_view) == 4:
         return Verdict(
-            Cause.TRUNCATED,
-            f"the stream has {recording.ticks} ticks, too few to find a panel in; record {_SHORT} "
-            "ticks of the panel at least",
+            Cause.NOISY,
+            "four tags are in view, but they are of no mode of this link; show one panel alone",
         )
-    if evidence.most < _DARK:
+    missing = [corner for corner in range(4) if corner not in in_view]
+    where = _missing_places(evidence, missing)
+    height, width = recording.shape
+    # Detection needs the margin, so a tag that is cut there is lost.
+    outside = [
+        corner
+        for corner, places in where.items()
+        if not ((places >= -0.5) & (places <= (width - 0.5, height - 0.5))).all()
+    ]
+    places_text = " and ".join(names[corner] for corner in missing)
+    if outside:
         return Verdict(
-            Cause.DARK,
-            f"the brightest pixels fire {evidence.most:.3g} times a tick; switch the panel on, "
-            "open the lens, or lower the threshold",
+            Cause.OUT_OF_VIEW,
+            f"{len(in_view)} of 4 tags are in view; that at the {places_text} reaches beyond the "
+            "image's edge; aim the camera at the middle of the panel, or step back",
         )
-    if evidence.bright >= SATURATED:
-        return Verdict(
-            Cause.SATURATED,
-            f"{evidence.bright:.0%} of the pixels fire at every tick; stop the lens down, raise "
-            "the threshold, or shade the camera",
-        )
-    if evidence.tiny is not None:
-        mode = evidence.mode
-        assert mode is not None
+    module = _module(evidence)
+    if module < LEAST_MODULE:
         return Verdict(
             Cause.TOO_SMALL,
-            f"the tags say {mode.width} x {mode.height} panel pixels with cells of "
-            f"{mode.cell} x {mode.cell}, of which one is {evidence.tiny:.2g} camera pixels wide; "
-            "step nearer or send larger cells",
-        )
-    if evidence.refined is not None:
-        return _no_symbols(recording, evidence)
-    if evidence.search.tags:
-        return few_tags_verdict(recording, evidence)
-    return no_tag_verdict(recording, evidence)
-
-
-def _no_symbols(recording: Recording, evidence: Evidence) -> Verdict:
-    """Cause if the panel was detected, but not its symbols."""
-    assert evidence.refined is not None
-    if evidence.mode is None or evidence.lit is None:
-        return Verdict(
-            Cause.DIM,
-            f"the tags' white fires {evidence.refined.white:.3g} times a tick, their black "
-            f"{evidence.refined.black:.3g}; open the lens or lower the threshold",
-        )
-    signal = pilot_signal(recording, Layout(evidence.mode), evidence.refined.homography)
-    clock = None
-    if signal is not None:
-        low, high = (tick - signal.first for tick in evidence.lit)
-        pilots = (signal.bits @ signal.pixels)[max(low, 0) : high]
-        clock = _clock_verdict(pilots, evidence.mode.ticks)
-    if clock is not None:
-        return clock
-    least = (TRAINING + Layout(evidence.mode).group) * evidence.mode.ticks
-    light = brightness_verdict(evidence.refined.white, evidence.refined.black)
-    if light is not None:
-        return light
-    if evidence.lit[1] - evidence.lit[0] < max(_SHORT, least):
-        return Verdict(
-            Cause.TRUNCATED,
-            f"the panel is on for {evidence.lit[1] - evidence.lit[0]} ticks of the stream only, "
-            f"and its training and first group take {least}; record longer",
+            f"{len(in_view)} of 4 tags are readable, not that at the {places_text}: tags too "
+            f"small, whose modules are {module:.2g} camera pixels and need {LEAST_MODULE:g} or "
+            "more; step nearer, or take a longer lens or a larger panel",
         )
     return Verdict(
-        Cause.WRONG_CLOCK,
-        "the panel is in view but its pilots do not show at any clock within "
-        f"{_CLOCKS[0] / 1e4:.0f} % of the camera's; show {evidence.mode.ticks} planes of the "
-        "panel's clock a symbol, at the camera's rate",
+        Cause.OCCLUDED,
+        f"{len(in_view)} of 4 tags are in view; that at the {places_text} is hidden or unreadable, "
+        "though its place is within the image; clear the line of sight",
     )
 
 
-def _clock_verdict(pilots: Floats, ticks: int) -> Verdict | None:
-    """Verdict if the clock is off, else None. pilots: (ticks,) spikes of all pilots."""
-    if len(pilots) < _SHORT:
+def _seen_layout(evidence: Evidence) -> Layout | None:
+    """A layout of the size in the ids of the detected tags; None if there is none. A panel with one
+    unknown side is taken to be square."""
+    tags = evidence.search.tags
+    sides = [tags[corner][0] // 4 * 32 if corner in tags else None for corner in (0, 1)]
+    known = [side for side in sides if side]
+    width, height = (side or (known[0] if known else 960) for side in sides)
+    try:
+        return Layout(Mode(width, height, 1, 1, "none", 32))
+    except ValueError:
         return None
-    _, ppm, score = global_clock(pilots, (ticks,), *_CLOCKS)
-    if score < PEAK or abs(ppm) < WRONG_PPM:
-        return None
-    return Verdict(
-        Cause.WRONG_CLOCK,
-        f"the panel's clock is {ppm:+.0f} parts per million off the camera's (symbols of {ticks} "
-        "planes); set both to the same frequency",
-    )
+
+
+def _module(evidence: Evidence) -> float:
+    """Size of a module of the detected tags, mean, camera pixels; infinite if unknown."""
+    layout = _seen_layout(evidence)
+    if layout is None:
+        return math.inf
+    around = [1, 2, 3, 0]
+    sizes = []
+    for corner, (_, places) in evidence.search.tags.items():
+        panel = np.asarray(tag_corners(layout, corner), np.float64)
+        camera = np.asarray(places, np.float64)
+        seen, own = (
+            np.linalg.norm(points[around] - points, axis=1).mean() for points in (camera, panel)
+        )
+        sizes.append(float(seen / own) * layout.module)
+    return float(np.mean(sizes))
+
+
+def _missing_places(evidence: Evidence, missing: list[int]) -> dict[int, npt.NDArray[np.float64]]:
+    """Camera (x, y) of the corners, (4, 2), of the missing tags, half of their margin included.
+
+    They follow from the detected tags and from the size of the panel in their ids.
+    """
+    import cv2
+
+    tags, layout = evidence.search.tags, _seen_layout(evidence)
+    if layout is None:
+        return {}
+    panel = np.concatenate([tag_corners(layout, corner) for corner in tags])
+    camera = np.concatenate([tags[corner][1] for corner in tags])
+    if len(tags) > 1:
+        h, _ = cv2.findHomography(panel, camera, 0)
+    else:  # one small tag does not determine the perspective
+        part, _ = cv2.estimateAffine2D(panel, camera)
+        h = np.vstack([part, [0, 0, 1]]) if part is not None else None
+    if h is None or not np.isfinite(h).all():
+        return {}
+    out = {}
+    for corner in missing:
+        x, y = tag_places(layout)[corner]
+        inset = layout.module / 2 - 0.5  # half of the margin is enough
+        low, high = np.array([x, y]) + inset, np.array([x, y]) + layout.tag - 1 - inset
+        across = np.array([low[0], high[0], high[0], low[0]])
+        down = np.array([low[1], low[1], high[1], high[1]])
+        out[corner] = np.stack(project(np.asarray(h), across, down), axis=-1)
+    return out

@@ -1,8 +1,6 @@
-"""The sequence of the pilots in a signal: its begin and its clock.
+"""The sequence of the pilots in a recording: its begin, its clock, and ticks that are missing.
 
-This file also covers the spikes of the pilots, band by band of camera rows.
-
-This file also covers ticks that a recording lacks, found by the sequence of the pilots.
+The signal of the pilots is their spikes, band by band of camera rows.
 
 A camera or a file that drops a tick moves all that follows one tick ahead. A transmission that is
 longer than the searched ticks loses a block by that. A short one is lost: its only timing is then
@@ -22,9 +20,30 @@ from link.receiving.recording import Gap, Recording
 from link.receiving.refining import project
 
 Floats = npt.NDArray[np.float64]
-
 _BANDS: Final = 32
 """Bands of camera rows, at most."""
+_PHASES: Final = 4
+"""Steps of a tick in the search for the sequence."""
+_SHOWS: Final = 0.4
+"""Correlation from which a quarter of a section shows the same sequence."""
+_MOST: Final = 8
+"""Missing ticks at a place, at most. Where more are missing the light may have been broken."""
+_NEAR: Final = 1.0
+"""Ticks on each side of the peak of the sequence in which its begin is searched."""
+_STEP: Final = 0.25
+"""Step of that search, and of the drift, ticks."""
+_DRIFT: Final = 3.0
+"""Largest drift of the clocks over the searched ticks that may explain the pilots without a gap,
+ticks: that of 2000 parts per million over 1000 ticks, and what a gap itself resembles."""
+_NOISE: Final = 0.05
+"""Least standard deviation of the pilots' spikes about a straight line, share of their range."""
+_NATS: Final = 15.0
+"""Log likelihood ratio from which a gap is believed, over the best explanation without one. Some
+10 000 places and lengths are compared: ln of that is 9."""
+_EXPLAINED: Final = 0.6
+"""Share of the pilots' variance that a gap must explain, together with the sequence."""
+_LIKELY: Final = 5.0
+"""Nats below the likeliest place of a gap within which others count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,31 +100,39 @@ def _pilot_pixels(
     return flat // shape[1], flat % shape[1]
 
 
-_PHASES: Final = 4
-"""Steps of a tick in the search for the sequence."""
-_SHOWS: Final = 0.4
-"""Correlation from which a quarter of a section shows the same sequence."""
+def global_clock(
+    totals: Floats, ticks: tuple[int, ...], most: float, step: float
+) -> tuple[int, float, float]:
+    """Ticks of a symbol, the offset of the panel's clock, ppm, and the score.
 
-
-def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Floats:
-    """Mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
+    All pilots are on and off together, while data are random, so the spikes of the whole image show
+    the sequence wherever the panel is.
 
     Args:
-        first: tick at which symbol 0 begins.
-        period: ticks of a symbol.
-        ticks: (ticks,) k.
+        totals: (ticks,) spikes of the whole image.
+        ticks: lengths of a symbol that are tried.
+        most, step: clocks from -most to most, ppm, are tried, `step` apart.
     """
-    code = np.where(pilots(), 1.0, -1.0)
-    total = np.concatenate([[0.0], np.cumsum(code)])
-    # Integral of the sequence from symbol 0, linear within symbols; differences give the mean.
+    best = (ticks[0], 0.0, -np.inf)
+    level = totals - totals.mean()
+    if not level.any():
+        return best[0], 0.0, 0.0
+    for nominal in ticks:
+        if len(totals) < 24 * nominal:
+            continue
+        for ppm in np.arange(-most, most + step / 2, step):
+            _, score = sequence_peak(level, nominal / (1 + ppm * 1e-6))
+            if score > best[2]:
+                best = (nominal, float(ppm), score)
+    return best
 
-    def integral(at: Floats) -> Floats:
-        n = np.floor(at).astype(np.int64)
-        turn, rest = np.divmod(n, PERIOD)
-        return turn * total[-1] + total[rest] + (at - n) * code[rest]
 
-    begin = (ticks - np.asarray(first, np.float64)[..., None]) / period
-    return (integral(begin + 1 / period) - integral(begin)) * period
+def shows_sequence(total: Floats, nominal: float, a: int, b: int, first: float) -> bool:
+    """Whether ticks a to b show the sequence that begins at tick `first`."""
+    code = sequence_values(np.array(first), nominal, np.arange(a, b, dtype=np.float64))
+    if b - a < 8 or np.ptp(code) == 0 or np.ptp(total[a:b]) == 0:
+        return False
+    return float(np.corrcoef(code, total[a:b])[0, 1]) > _SHOWS
 
 
 def sequence_peak(signal: Floats, symbol: float) -> tuple[float, float]:
@@ -137,59 +164,25 @@ def sequence_peak(signal: Floats, symbol: float) -> tuple[float, float]:
     return best, score
 
 
-def shows_sequence(total: Floats, nominal: float, a: int, b: int, first: float) -> bool:
-    """Whether ticks a to b show the sequence that begins at tick `first`."""
-    code = sequence_values(np.array(first), nominal, np.arange(a, b, dtype=np.float64))
-    if b - a < 8 or np.ptp(code) == 0 or np.ptp(total[a:b]) == 0:
-        return False
-    return float(np.corrcoef(code, total[a:b])[0, 1]) > _SHOWS
-
-
-def global_clock(
-    totals: Floats, ticks: tuple[int, ...], most: float, step: float
-) -> tuple[int, float, float]:
-    """Ticks of a symbol, the offset of the panel's clock, ppm, and the score.
-
-    All pilots are on and off together, while data are random, so the spikes of the whole image show
-    the sequence wherever the panel is.
+def sequence_values(first: npt.ArrayLike, period: float, ticks: Floats) -> Floats:
+    """Mean of the sequence, +-1, over ticks [k, k + 1), of the shape of first x ticks.
 
     Args:
-        totals: (ticks,) spikes of the whole image.
-        ticks: lengths of a symbol that are tried.
-        most, step: clocks from -most to most, ppm, are tried, `step` apart.
+        first: tick at which symbol 0 begins.
+        period: ticks of a symbol.
+        ticks: (ticks,) k.
     """
-    best = (ticks[0], 0.0, -np.inf)
-    level = totals - totals.mean()
-    if not level.any():
-        return best[0], 0.0, 0.0
-    for nominal in ticks:
-        if len(totals) < 24 * nominal:
-            continue
-        for ppm in np.arange(-most, most + step / 2, step):
-            _, score = sequence_peak(level, nominal / (1 + ppm * 1e-6))
-            if score > best[2]:
-                best = (nominal, float(ppm), score)
-    return best
+    code = np.where(pilots(), 1.0, -1.0)
+    total = np.concatenate([[0.0], np.cumsum(code)])
+    # Integral of the sequence from symbol 0, linear within symbols; differences give the mean.
 
+    def integral(at: Floats) -> Floats:
+        n = np.floor(at).astype(np.int64)
+        turn, rest = np.divmod(n, PERIOD)
+        return turn * total[-1] + total[rest] + (at - n) * code[rest]
 
-_MOST: Final = 8
-"""Missing ticks at a place, at most. Where more are missing the light may have been broken."""
-_NEAR: Final = 1.0
-"""Ticks on each side of the peak of the sequence in which its begin is searched."""
-_STEP: Final = 0.25
-"""Step of that search, and of the drift, ticks."""
-_DRIFT: Final = 3.0
-"""Largest drift of the clocks over the searched ticks that may explain the pilots without a gap,
-ticks: that of 2000 parts per million over 1000 ticks, and what a gap itself resembles."""
-_NOISE: Final = 0.05
-"""Least standard deviation of the pilots' spikes about a straight line, share of their range."""
-_NATS: Final = 15.0
-"""Log likelihood ratio from which a gap is believed, over the best explanation without one. Some
-10 000 places and lengths are compared: ln of that is 9."""
-_EXPLAINED: Final = 0.6
-"""Share of the pilots' variance that a gap must explain, together with the sequence."""
-_LIKELY: Final = 5.0
-"""Nats below the likeliest place of a gap within which others count."""
+    begin = (ticks - np.asarray(first, np.float64)[..., None]) / period
+    return (integral(begin + 1 / period) - integral(begin)) * period
 
 
 def missing_ticks(signal: PilotSignal, symbol: float, lit: tuple[int, int]) -> Gap | None:

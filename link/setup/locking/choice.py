@@ -1,6 +1,5 @@
-"""The mode of a link and the lock of its camera's clock, which depend on each other.
-
-This file also covers the time that the stages of a set-up took.
+"""The mode of a link and the lock of its camera's clock, which depend on each other, and the time
+that the stages of this took.
 """
 
 from __future__ import annotations
@@ -21,34 +20,6 @@ from link.setup.locking.model import at_lock
 from link.setup.modes import check_reach, choose_mode
 from link.setup.truth import panel_in_view
 from sensor.device.chips import ClockSteering
-
-
-@dataclass(frozen=True)
-class Spent:
-    """Time by stage, s; a stage that comes again adds to its time.
-
-    Attributes:
-        wall: time on the clock.
-        processor: time of all threads of the program. Other programs do not lengthen it.
-    """
-
-    wall: dict[str, float] = field(default_factory=dict)
-    processor: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def on(self, stage: str) -> Iterator[None]:
-        """Adds the time of the block to a stage."""
-        wall, processor = time.perf_counter(), time.process_time()
-        try:
-            yield
-        finally:
-            self.wall[stage] = self.wall.get(stage, 0.0) + time.perf_counter() - wall
-            self.processor[stage] = self.processor.get(stage, 0.0) + time.process_time() - processor
-
-    def forget(self, stage: str) -> None:
-        """Takes a stage out."""
-        self.wall.pop(stage, None)
-        self.processor.pop(stage, None)
 
 
 def choose_and_lock(
@@ -102,3 +73,31 @@ def choose_and_lock(
     if locking is None and choice is not None:
         mode, choice = chosen(setting)
     return mode, choice, locking
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Time by stage, s; a stage that comes again adds to its time.
+
+    Attributes:
+        wall: time on the clock.
+        processor: time of all threads of the program. Other programs do not lengthen it.
+    """
+
+    wall: dict[str, float] = field(default_factory=dict)
+    processor: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def on(self, stage: str) -> Iterator[None]:
+        """Adds the time of the block to a stage."""
+        wall, processor = time.perf_counter(), time.process_time()
+        try:
+            yield
+        finally:
+            self.wall[stage] = self.wall.get(stage, 0.0) + time.perf_counter() - wall
+            self.processor[stage] = self.processor.get(stage, 0.0) + time.process_time() - processor
+
+    def forget(self, stage: str) -> None:
+        """Takes a stage out."""
+        self.wall.pop(stage, None)
+        self.processor.pop(stage, None)

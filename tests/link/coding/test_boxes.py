@@ -18,16 +18,8 @@ from cosim import InputError
 from link.coding import Blocks, Inbox, Outbox
 from link.coding.boxes import Frame, read_frame, write_frame
 from link.coding.crc import crc32c
-from link.coding.fountain import (
-    MOST_BYTES,
-    Gathering,
-    codable,
-    pack_file,
-    packets,
-    source_blocks,
-    source_symbols,
-    unpack_file,
-)
+from link.coding.fountain import Gathering, codable, packets, source_blocks, source_symbols
+from link.coding.packed_file import MOST_BYTES, pack_file, unpack_file
 from link.coding.reed_solomon import ReedSolomon
 from link.layout import Layout
 from link.line_codes import CATALOGUE, encode_line

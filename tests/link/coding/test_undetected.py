@@ -15,6 +15,7 @@ import pytest
 
 import link.coding.boxes
 import link.coding.fountain
+import link.coding.packed_file
 from link.coding.boxes import Frame, read_frame
 from link.coding.crc import crc32c
 from link.coding.ldpc import Ldpc
@@ -114,6 +115,6 @@ def test_without_both_checks_a_wrong_file_is_delivered(monkeypatch: pytest.Monke
     assert totals.false > 0
 
 
-def _any_file(packed: bytes) -> link.coding.fountain.Delivered:
+def _any_file(packed: bytes) -> link.coding.packed_file.Delivered:
     """`unpack_file` without the CRC."""
-    return link.coding.fountain.Delivered(packed[10:], "x")
+    return link.coding.packed_file.Delivered(packed[10:], "x")
