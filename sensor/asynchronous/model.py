@@ -12,6 +12,8 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.spikes.events import time_order
 
+_COLUMNS: Final = ("pixel", "instant", "width", "exact", "level")
+
 
 def least_electrons(level: int, threshold: int, levels: int) -> int:
     """The least electrons that read as `level` of `levels`: floor(levels n / threshold) = level."""
@@ -77,9 +79,6 @@ class EventModel:
         """The least and the most electrons that read as `level`."""
         q, n = self.threshold, self.levels
         return least_electrons(level, q, n), min(least_electrons(level + 1, q, n), q) - 1
-
-
-_COLUMNS: Final = ("pixel", "instant", "width", "exact", "level")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,12 @@
-"""The circuit of a pixel: what makes it stiff, as numbers.
-
-This file also covers [sensor.circuit]: what makes the pixel stiff, for the reference tier.
+"""The circuit of a pixel as numbers: its reset noise, what makes it stiff, and the section
+[sensor.circuit] that gives this to the reference tier.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +15,12 @@ from pydantic import Field, model_validator
 from cosim.clock import PS
 from cosim.config.amounts import at_least
 from cosim.config.quantity import Capacitance, Duration, Quantity, Section, Time
-from sensor.device.chips import ELEMENTARY_CHARGE
+
+_FEMTO = 1e-15
+BOLTZMANN: Final = 1.380649e-23
+"""J/K, exact by definition of the SI (2019)."""
+ELEMENTARY_CHARGE: Final = 1.602176634e-19
+"""C, exact by definition of the SI (2019)."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +111,6 @@ class Circuit:
         )
 
 
-_FEMTO = 1e-15
-
-
 class CircuitSection(Section):
     """The pixel's capacitance, leak, comparator and reset switch. Without a key its fault is
     absent. Nothing of it is published for the chips here."""
@@ -159,3 +160,8 @@ class CircuitSection(Section):
             self.resistance,
             self.reset_time,
         )
+
+
+def ktc_electrons(farad: float, kelvin: float = 300.0) -> float:
+    """Reset noise of a capacitance in electrons: sqrt(k T C) / q."""
+    return math.sqrt(BOLTZMANN * kelvin * farad) / ELEMENTARY_CHARGE

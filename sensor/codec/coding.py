@@ -1,9 +1,7 @@
-"""Streams to frames of first spikes and back, in chunks of cycles and bands of pixels.
+"""Streams to frames of first spikes and back, in chunks of cycles and bands of pixels, or whole.
 
 The state of each pixel is carried from chunk to chunk, so that a stream of any length is coded in
 bounded memory.
-
-This file also covers the decoding of a whole stream.
 """
 
 from __future__ import annotations
@@ -100,6 +98,111 @@ class Frame:
     data: bytes
 
 
+def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[Frame]:
+    """Yields the frames of a stream, chunk by chunk and, in a chunk, band by band.
+
+    level: zstd level, used where it makes a column smaller; None uses Exp-Golomb codes only.
+    Raises ValueError for a stream of more than LONGEST cycles.
+    """
+    if stream.cycles > LONGEST:
+        raise ValueError(f"a coded stream must have at most {LONGEST} cycles, not {stream.cycles}")
+    bands = _bands(stream.shape[0] * stream.shape[1])
+    coders = [_Band(code, high - low, stream.cycles) for low, high in bands]
+    total = words_for(stream.cycles)
+    with threads(workers()) as pool:
+        for first in range(0, total, CHUNK):
+            words = stream.read_words(first, min(first + CHUNK, total))
+            flat = words.reshape(len(words), -1)
+            jobs = [
+                pool.submit(coder.encode, flat[:, low:high], first * WORD, level)
+                for coder, (low, high) in zip(coders, bands, strict=True)
+            ]
+            for job in jobs:
+                yield job.result()
+
+
+def encode_band(code: Code, words: Words, cycles: int, level: int | None = 3) -> Frame:
+    """(n, pixels) words, of at most CHUNK words and BAND pixels, as a stream of their own."""
+    return _Band(code, words.shape[1], cycles).encode(words, 0, level)
+
+
+def decode(
+    code: Code, frames: Sequence[memoryview], shape: tuple[int, int], cycles: int, clock: Clock,
+    start: int = 0, name: str = "the coded stream",
+) -> Viform:  # fmt: skip
+    """The stream of all its frames, in the order of `encode`. name: of what they are, for messages.
+
+    Raises Damaged, and InputError where memory is short, before it is taken.
+    """
+    pixels, bands = shape[0] * shape[1], frame_count(shape, cycles)[1]
+    ends = [(band * BAND, min((band + 1) * BAND, pixels)) for band in range(bands)]
+    rooms = [band_memory(frames[b::bands], ends[b][1] - ends[b][0], cycles) for b in range(bands)]
+    need = 4 * words_for(cycles) * pixels + sum(sorted(rooms)[-workers() :])
+    check_memory(f"{name} in memory", need, "code it in shorter pieces")
+    words: Words = np.zeros((words_for(cycles), pixels), np.uint32)
+
+    def draw(band: int) -> None:
+        low, high = ends[band]
+        words[:, low:high] = decode_band(code, frames[band::bands], high - low, cycles)
+
+    with threads(workers()) as pool:
+        list(pool.map(draw, range(bands)))
+    return Viform(words.reshape(-1, *shape), cycles, clock, start)
+
+
+def decode_band(code: Code, frames: Sequence[memoryview], pixels: int, cycles: int) -> Words:
+    """Words (n, pixels) of one band from its frames, one per chunk in order. Raises Damaged."""
+    across: Any = np.zeros((pixels, words_for(cycles)), np.uint32)
+    carry = _carry(code, pixels)
+    most = _most(pixels)
+    for data in frames:
+        if code.name == "line":
+            columns = _columns(data, LINE_COLUMNS, most)
+            if len({len(c) for c in columns[:3]}) > 1:
+                raise Damaged("columns of different lengths")
+            place, gap, spikes, width, bend, rest, phase = columns
+            good = from_line(place, gap, spikes, width, bend, rest, phase, carry, across, cycles)
+        else:
+            columns = _columns(data, 4 if code.refine else 3, most)
+            if len({len(c) for c in columns}) > 1:
+                raise Damaged("columns of different lengths")
+            if not code.refine:
+                columns.append(np.zeros(len(columns[0]), np.uint32))
+            good = from_spaced(np.stack(columns), code.lossless, code.refine, carry, across, cycles)
+        if not good:
+            raise Damaged("first spikes that cannot be")
+    if code.name != "line":
+        close_spaced(carry, across, cycles)
+    return np.ascontiguousarray(across.T)
+
+
+def recode(stream: SpikeStream, code: Code) -> Viform:
+    """A stream coded and decoded again."""
+    frames = [memoryview(frame.data) for frame in encode(stream, code, None)]
+    start = int(getattr(stream, "start", 0))
+    return decode(code, frames, stream.shape, stream.cycles, stream.clock, start)
+
+
+def frame_count(shape: tuple[int, int], cycles: int) -> tuple[int, int]:
+    """(chunks, bands) of a stream."""
+    return -(-words_for(cycles) // CHUNK), -(-shape[0] * shape[1] // BAND)
+
+
+def band_memory(frames: Sequence[memoryview], pixels: int, cycles: int) -> int:
+    """Upper bound of the memory that `decode_band` needs, bytes.
+
+    The bound counts the planes twice. For the largest frame it counts the values of its columns,
+    their copy in one table, and up to 5 bytes per value that zstd returns.
+    """
+    values = max((values_in(data, _most(pixels)) for data in frames), default=0)
+    return 2 * 4 * words_for(cycles) * pixels + (4 + 4 + 5) * values
+
+
+def workers() -> int:
+    """Number of threads over bands; the compiled loops and zstd release the interpreter lock."""
+    return min(cores(), 16)
+
+
 class _Band:
     """The coder of one band's pixels."""
 
@@ -147,44 +250,6 @@ def _bands(pixels: int) -> list[tuple[int, int]]:
     return [(low, min(low + BAND, pixels)) for low in range(0, pixels, BAND)]
 
 
-def frame_count(shape: tuple[int, int], cycles: int) -> tuple[int, int]:
-    """(chunks, bands) of a stream."""
-    return -(-words_for(cycles) // CHUNK), -(-shape[0] * shape[1] // BAND)
-
-
-def workers() -> int:
-    """Number of threads over bands; the compiled loops and zstd release the interpreter lock."""
-    return min(cores(), 16)
-
-
-def encode(stream: SpikeStream, code: Code, level: int | None = 3) -> Iterator[Frame]:
-    """Yields the frames of a stream, chunk by chunk and, in a chunk, band by band.
-
-    level: zstd level, used where it makes a column smaller; None uses Exp-Golomb codes only.
-    Raises ValueError for a stream of more than LONGEST cycles.
-    """
-    if stream.cycles > LONGEST:
-        raise ValueError(f"a coded stream must have at most {LONGEST} cycles, not {stream.cycles}")
-    bands = _bands(stream.shape[0] * stream.shape[1])
-    coders = [_Band(code, high - low, stream.cycles) for low, high in bands]
-    total = words_for(stream.cycles)
-    with threads(workers()) as pool:
-        for first in range(0, total, CHUNK):
-            words = stream.read_words(first, min(first + CHUNK, total))
-            flat = words.reshape(len(words), -1)
-            jobs = [
-                pool.submit(coder.encode, flat[:, low:high], first * WORD, level)
-                for coder, (low, high) in zip(coders, bands, strict=True)
-            ]
-            for job in jobs:
-                yield job.result()
-
-
-def encode_band(code: Code, words: Words, cycles: int, level: int | None = 3) -> Frame:
-    """(n, pixels) words, of at most CHUNK words and BAND pixels, as a stream of their own."""
-    return _Band(code, words.shape[1], cycles).encode(words, 0, level)
-
-
 def _columns(data: memoryview, count: int, most: int) -> list[Column]:
     columns = []
     for _ in range(count):
@@ -198,70 +263,3 @@ def _columns(data: memoryview, count: int, most: int) -> list[Column]:
 def _most(pixels: int) -> int:
     """Largest length of a frame's column: one spike per cycle, and one closing spike, per pixel."""
     return pixels * (CHUNK * WORD + 1)
-
-
-def band_memory(frames: Sequence[memoryview], pixels: int, cycles: int) -> int:
-    """Upper bound of the memory that `decode_band` needs, bytes.
-
-    The bound counts the planes twice. For the largest frame it counts the values of its columns,
-    their copy in one table, and up to 5 bytes per value that zstd returns.
-    """
-    values = max((values_in(data, _most(pixels)) for data in frames), default=0)
-    return 2 * 4 * words_for(cycles) * pixels + (4 + 4 + 5) * values
-
-
-def decode_band(code: Code, frames: Sequence[memoryview], pixels: int, cycles: int) -> Words:
-    """Words (n, pixels) of one band from its frames, one per chunk in order. Raises Damaged."""
-    across: Any = np.zeros((pixels, words_for(cycles)), np.uint32)
-    carry = _carry(code, pixels)
-    most = _most(pixels)
-    for data in frames:
-        if code.name == "line":
-            columns = _columns(data, LINE_COLUMNS, most)
-            if len({len(c) for c in columns[:3]}) > 1:
-                raise Damaged("columns of different lengths")
-            place, gap, spikes, width, bend, rest, phase = columns
-            good = from_line(place, gap, spikes, width, bend, rest, phase, carry, across, cycles)
-        else:
-            columns = _columns(data, 4 if code.refine else 3, most)
-            if len({len(c) for c in columns}) > 1:
-                raise Damaged("columns of different lengths")
-            if not code.refine:
-                columns.append(np.zeros(len(columns[0]), np.uint32))
-            good = from_spaced(np.stack(columns), code.lossless, code.refine, carry, across, cycles)
-        if not good:
-            raise Damaged("first spikes that cannot be")
-    if code.name != "line":
-        close_spaced(carry, across, cycles)
-    return np.ascontiguousarray(across.T)
-
-
-def decode(
-    code: Code, frames: Sequence[memoryview], shape: tuple[int, int], cycles: int, clock: Clock,
-    start: int = 0, name: str = "the coded stream",
-) -> Viform:  # fmt: skip
-    """The stream of all its frames, in the order of `encode`. name: of what they are, for messages.
-
-    Raises Damaged, and InputError where memory is short, before it is taken.
-    """
-    pixels, bands = shape[0] * shape[1], frame_count(shape, cycles)[1]
-    ends = [(band * BAND, min((band + 1) * BAND, pixels)) for band in range(bands)]
-    rooms = [band_memory(frames[b::bands], ends[b][1] - ends[b][0], cycles) for b in range(bands)]
-    need = 4 * words_for(cycles) * pixels + sum(sorted(rooms)[-workers() :])
-    check_memory(f"{name} in memory", need, "code it in shorter pieces")
-    words: Words = np.zeros((words_for(cycles), pixels), np.uint32)
-
-    def draw(band: int) -> None:
-        low, high = ends[band]
-        words[:, low:high] = decode_band(code, frames[band::bands], high - low, cycles)
-
-    with threads(workers()) as pool:
-        list(pool.map(draw, range(bands)))
-    return Viform(words.reshape(-1, *shape), cycles, clock, start)
-
-
-def recode(stream: SpikeStream, code: Code) -> Viform:
-    """A stream coded and decoded again."""
-    frames = [memoryview(frame.data) for frame in encode(stream, code, None)]
-    start = int(getattr(stream, "start", 0))
-    return decode(code, frames, stream.shape, stream.cycles, stream.clock, start)

@@ -1,6 +1,6 @@
-r"""Opens and writes first-spike and packet files in addition to the formats of cosim.
+"""First-spike and packet files, which open and are written beside the formats of cosim.
 
-This file also covers `.fsc`: a spike stream as first spikes. All numbers are little-endian.
+`.fsc` is a spike stream as first spikes. All numbers are little-endian.
 
 head    96 bytes: "VIFSC1\r\n"; code (1 byte: its place in CODES), refine (1), 2 bytes that
         are 0, height (4), width (4), words in a chunk (4), pixels in a band (4), cycles (4), start
@@ -44,98 +44,6 @@ _WHOLE = _HEAD.size + _CRC.size
 _SHORTER = "code it in shorter pieces"
 
 
-def _crc(number: int, data: bytes | memoryview) -> int:
-    """CRC-32 of a frame and its place, so that frames that changed places are noticed."""
-    return zlib.crc32(data, zlib.crc32(_CRC.pack(number & 0xFFFFFFFF)))
-
-
-def write_fsc(stream: SpikeStream, path: Path, code: Code) -> int:
-    """Writes a stream; the bytes written. Raises InputError where the file cannot be written or
-    holds no such stream."""
-    start = int(getattr(stream, "start", 0))
-    if stream.cycles > LONGEST or abs(start) >= 2**63:
-        raise InputError(
-            f"{path}", f"of at most {LONGEST} cycles", f"{stream.cycles}", "write a .zarr instead"
-        )
-    try:
-        head = _HEAD.pack(
-            _MAGIC, CODES.index(code.name), code.refine, *stream.shape, CHUNK, BAND, stream.cycles,
-            start, stream.clock.num, stream.clock.den, code.k, code.threshold, code.threshold_noise,
-        )  # fmt: skip
-    except struct.error as exc:
-        raise InputError(
-            f"{path}", "of a size and clock below 2^32 and 2^64", str(exc), "write a .zarr instead"
-        ) from exc
-    with atomic_write(path) as part, part.open("wb") as file:
-        file.write(head + _CRC.pack(zlib.crc32(head)))
-        for number, frame in enumerate(encode(stream, code)):
-            file.write(_FRAME.pack(len(frame.data), _crc(number, frame.data)))
-            file.write(frame.data)
-        return file.tell()
-
-
-def _parse(data: memoryview, path: Path) -> tuple[Viform, Code]:
-    """Raises ValueError (Damaged is one), struct.error, and what `decode` does."""
-    magic, name, refine, height, width, chunk, band, cycles, start, num, den, k, q, noise = (
-        _HEAD.unpack(data[: _HEAD.size])
-    )
-    if magic != _MAGIC:
-        raise Damaged("another kind of file, or another version of it")
-    (crc,) = _CRC.unpack(data[_HEAD.size : _WHOLE])
-    if crc != zlib.crc32(data[: _HEAD.size]) or name >= len(CODES):
-        raise Damaged("a head that was changed")
-    if any(data[10:12]) or any(data[80:92]) or not all(map(math.isfinite, (k, q, noise))):
-        raise Damaged("a head that was changed")
-    if (chunk, band) != (CHUNK, BAND):
-        raise Damaged(f"chunks of {chunk} words and bands of {band} pixels")
-    if not (height and width and 0 < cycles <= LONGEST):
-        raise Damaged(f"a stream of {cycles} cycles of {width}x{height}")
-    code, clock = Code(CODES[name], k, q, noise, refine), Clock(num, den)
-    chunks, bands = frame_count((height, width), cycles)
-    # Every frame takes room in the file; how much more its planes take, `decode` checks.
-    if len(data) < _WHOLE + chunks * bands * _FRAME.size:
-        raise Damaged("a file that is cut off")
-    frames, at = [], _WHOLE
-    for number in range(chunks * bands):
-        length, crc = _FRAME.unpack(data[at : at + _FRAME.size])
-        frame = data[at + _FRAME.size : at + _FRAME.size + length]
-        if len(frame) < length:
-            raise Damaged("a file that is cut off")
-        if crc != _crc(number, frame):
-            raise Damaged(f"damaged in frame {number}")
-        frames.append(frame)
-        at += _FRAME.size + length
-    if at != len(data):
-        raise Damaged("a file with bytes after its last frame")
-    return decode(code, frames, (height, width), cycles, clock, start, f"{path}"), code
-
-
-def read_fsc(path: Path) -> tuple[Viform, Code]:
-    """The stream of a file and the code that it went through. Raises InputError for what is no such
-    file, whole and undamaged, and where memory is short."""
-    try:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            check_memory(f"{path}", size, _SHORTER)
-            data = file.read(size)
-        return _parse(memoryview(data), path)
-    except OSError as exc:
-        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
-    except MemoryError as exc:  # free, but not ours: a limit on the process
-        must = "small enough for the memory that this process may take"
-        raise InputError(f"{path}", must, "larger", _SHORTER) from exc
-    except (ValueError, struct.error) as exc:
-        given = str(exc) if isinstance(exc, Damaged) else "something else"
-        raise InputError(
-            f"{path}", "a whole first-spike file", given, "copy or convert it again"
-        ) from exc
-
-
-def is_coded(path: Path) -> bool:
-    """Whether a name is that of a first-spike or packet file."""
-    return path.suffix.lower() in (FSC, VFL)
-
-
 def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, list[str]]:
     """A stream of any format, and notes beyond those of `notes_of`. Raises InputError."""
     if not is_coded(path):
@@ -161,6 +69,11 @@ def open_any(path: Path, size: tuple[int, int] | None) -> tuple[SpikeStream, lis
     if code.lossless:
         return stream, []
     return stream, [f"{path} holds what is left of a stream: {left(code)}"]
+
+
+def is_coded(path: Path) -> bool:
+    """Whether a name is that of a first-spike or packet file."""
+    return path.suffix.lower() in (FSC, VFL)
 
 
 def left(code: Code | StreamCode) -> str:
@@ -249,3 +162,90 @@ def write_coded(stream: SpikeStream, path: Path, code: Code | StreamCode) -> Non
         write_vfl(stream, path, code)
     else:
         write_fsc(stream, path, code)
+
+
+def write_fsc(stream: SpikeStream, path: Path, code: Code) -> int:
+    """Writes a stream; the bytes written. Raises InputError where the file cannot be written or
+    holds no such stream."""
+    start = int(getattr(stream, "start", 0))
+    if stream.cycles > LONGEST or abs(start) >= 2**63:
+        raise InputError(
+            f"{path}", f"of at most {LONGEST} cycles", f"{stream.cycles}", "write a .zarr instead"
+        )
+    try:
+        head = _HEAD.pack(
+            _MAGIC, CODES.index(code.name), code.refine, *stream.shape, CHUNK, BAND, stream.cycles,
+            start, stream.clock.num, stream.clock.den, code.k, code.threshold, code.threshold_noise,
+        )  # fmt: skip
+    except struct.error as exc:
+        raise InputError(
+            f"{path}", "of a size and clock below 2^32 and 2^64", str(exc), "write a .zarr instead"
+        ) from exc
+    with atomic_write(path) as part, part.open("wb") as file:
+        file.write(head + _CRC.pack(zlib.crc32(head)))
+        for number, frame in enumerate(encode(stream, code)):
+            file.write(_FRAME.pack(len(frame.data), _crc(number, frame.data)))
+            file.write(frame.data)
+        return file.tell()
+
+
+def read_fsc(path: Path) -> tuple[Viform, Code]:
+    """The stream of a file and the code that it went through. Raises InputError for what is no such
+    file, whole and undamaged, and where memory is short."""
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            check_memory(f"{path}", size, _SHORTER)
+            data = file.read(size)
+        return _parse(memoryview(data), path)
+    except OSError as exc:
+        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
+    except MemoryError as exc:  # free, but not ours: a limit on the process
+        must = "small enough for the memory that this process may take"
+        raise InputError(f"{path}", must, "larger", _SHORTER) from exc
+    except (ValueError, struct.error) as exc:
+        given = str(exc) if isinstance(exc, Damaged) else "something else"
+        raise InputError(
+            f"{path}", "a whole first-spike file", given, "copy or convert it again"
+        ) from exc
+
+
+def _parse(data: memoryview, path: Path) -> tuple[Viform, Code]:
+    """Raises ValueError (Damaged is one), struct.error, and what `decode` does."""
+    magic, name, refine, height, width, chunk, band, cycles, start, num, den, k, q, noise = (
+        _HEAD.unpack(data[: _HEAD.size])
+    )
+    if magic != _MAGIC:
+        raise Damaged("another kind of file, or another version of it")
+    (crc,) = _CRC.unpack(data[_HEAD.size : _WHOLE])
+    if crc != zlib.crc32(data[: _HEAD.size]) or name >= len(CODES):
+        raise Damaged("a head that was changed")
+    if any(data[10:12]) or any(data[80:92]) or not all(map(math.isfinite, (k, q, noise))):
+        raise Damaged("a head that was changed")
+    if (chunk, band) != (CHUNK, BAND):
+        raise Damaged(f"chunks of {chunk} words and bands of {band} pixels")
+    if not (height and width and 0 < cycles <= LONGEST):
+        raise Damaged(f"a stream of {cycles} cycles of {width}x{height}")
+    code, clock = Code(CODES[name], k, q, noise, refine), Clock(num, den)
+    chunks, bands = frame_count((height, width), cycles)
+    # Every frame takes room in the file; how much more its planes take, `decode` checks.
+    if len(data) < _WHOLE + chunks * bands * _FRAME.size:
+        raise Damaged("a file that is cut off")
+    frames, at = [], _WHOLE
+    for number in range(chunks * bands):
+        length, crc = _FRAME.unpack(data[at : at + _FRAME.size])
+        frame = data[at + _FRAME.size : at + _FRAME.size + length]
+        if len(frame) < length:
+            raise Damaged("a file that is cut off")
+        if crc != _crc(number, frame):
+            raise Damaged(f"damaged in frame {number}")
+        frames.append(frame)
+        at += _FRAME.size + length
+    if at != len(data):
+        raise Damaged("a file with bytes after its last frame")
+    return decode(code, frames, (height, width), cycles, clock, start, f"{path}"), code
+
+
+def _crc(number: int, data: bytes | memoryview) -> int:
+    """CRC-32 of a frame and its place, so that frames that changed places are noticed."""
+    return zlib.crc32(data, zlib.crc32(_CRC.pack(number & 0xFFFFFFFF)))

@@ -1,6 +1,5 @@
-"""Sizes of a stream: with a general compressor, and with the first-spike codes.
-
-This file also covers the report's section on the size of the stream.
+"""Sizes of a stream, with a general compressor and with the first-spike codes, and the report's
+section on them.
 """
 
 from __future__ import annotations
@@ -35,6 +34,9 @@ _THREADS = 2
 """Threads that measure a size each: a code has the events of 512 cycles of the sample in memory."""
 _UNPACKED = 1024
 """Planes that are unpacked at a time, a byte a bit."""
+LAYOUTS = ("plane", "word", "pixel")
+"""Orders of the raw bits: plane after plane as in a .dat, word after word of all pixels as in
+stream.zarr, and pixel after pixel."""
 
 
 @dataclass(frozen=True)
@@ -52,58 +54,6 @@ class Sizes:
     statistical: float
     pixels: int
     all_pixels: int
-
-
-def sample_places(
-    shape: tuple[int, int], cycles: int
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows (n, 1) and columns (n, m) of the sample of a stream: SAMPLE rows, evenly spaced, of each
-    SAMPLE neighbouring pixels, spread by the golden ratio; all of a stream that is no larger. A
-    long stream has fewer of both."""
-    height, width = shape
-    wide, pixels = min(SAMPLE, width), _BITS // cycles
-    high = min(SAMPLE, height, max(pixels // wide, _LEAST[0]))
-    wide = min(wide, max(pixels // high, _LEAST[1]))
-    n = np.arange(high)
-    rows = (2 * n + 1) * height // (2 * high)
-    first = (n * _GOLDEN % 1 * (width - wide + 1)).astype(int)
-    return rows[:, None], first[:, None] + np.arange(wide)
-
-
-LAYOUTS = ("plane", "word", "pixel")
-"""Orders of the raw bits: plane after plane as in a .dat, word after word of all pixels as in
-stream.zarr, and pixel after pixel."""
-
-
-def layout(stream: Viform, name: str) -> bytes:
-    """The raw bits in one of LAYOUTS."""
-    words: Words = stream.words
-    if name == "plane":
-        parts = []
-        for first in range(0, stream.cycles, _UNPACKED):
-            last = min(first + _UNPACKED, stream.cycles)
-            planes = unpack_planes(words, first, last).reshape(last - first, -1)
-            parts.append(np.packbits(planes, axis=1, bitorder="little").tobytes())
-        return b"".join(parts)
-    return words.tobytes() if name == "word" else words.reshape(len(words), -1).T.tobytes()
-
-
-def _per_cycle(stream: SpikeStream, size: int) -> float:
-    return 8 * size / (stream.cycles * stream.shape[0] * stream.shape[1])
-
-
-def zstd_size(stream: Viform, level: int, names: tuple[str, ...] = LAYOUTS) -> dict[str, float]:
-    """Size of each layout after zstd, bits per pixel and cycle."""
-    coder = Zstd(level=level)
-    return {name: _per_cycle(stream, len(coder.encode(layout(stream, name)))) for name in names}
-
-
-def coded_size(stream: SpikeStream, code: Code, level: int | None = 3) -> tuple[float, int]:
-    """Size in a first-spike code, bits per pixel and cycle, and the number of events."""
-    size = events = 0
-    for frame in encode(stream, code, level):
-        size, events = size + len(frame.data), events + frame.events
-    return _per_cycle(stream, size), events
 
 
 def measure_sizes(part: Viform, all_pixels: int, threshold: float, noise: float) -> Sizes:
@@ -159,3 +109,50 @@ def size_rows(sizes: Sizes) -> list[list[str]]:
         (f"first spikes: statistical, k = {K:g}, means of {REFINE} (lossy)", sizes.statistical),
     )
     return [[name, number(size), number(1 / size) if size else "any"] for name, size in named]
+
+
+def sample_places(
+    shape: tuple[int, int], cycles: int
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows (n, 1) and columns (n, m) of the sample of a stream: SAMPLE rows, evenly spaced, of each
+    SAMPLE neighbouring pixels, spread by the golden ratio; all of a stream that is no larger. A
+    long stream has fewer of both."""
+    height, width = shape
+    wide, pixels = min(SAMPLE, width), _BITS // cycles
+    high = min(SAMPLE, height, max(pixels // wide, _LEAST[0]))
+    wide = min(wide, max(pixels // high, _LEAST[1]))
+    n = np.arange(high)
+    rows = (2 * n + 1) * height // (2 * high)
+    first = (n * _GOLDEN % 1 * (width - wide + 1)).astype(int)
+    return rows[:, None], first[:, None] + np.arange(wide)
+
+
+def layout(stream: Viform, name: str) -> bytes:
+    """The raw bits in one of LAYOUTS."""
+    words: Words = stream.words
+    if name == "plane":
+        parts = []
+        for first in range(0, stream.cycles, _UNPACKED):
+            last = min(first + _UNPACKED, stream.cycles)
+            planes = unpack_planes(words, first, last).reshape(last - first, -1)
+            parts.append(np.packbits(planes, axis=1, bitorder="little").tobytes())
+        return b"".join(parts)
+    return words.tobytes() if name == "word" else words.reshape(len(words), -1).T.tobytes()
+
+
+def zstd_size(stream: Viform, level: int, names: tuple[str, ...] = LAYOUTS) -> dict[str, float]:
+    """Size of each layout after zstd, bits per pixel and cycle."""
+    coder = Zstd(level=level)
+    return {name: _per_cycle(stream, len(coder.encode(layout(stream, name)))) for name in names}
+
+
+def coded_size(stream: SpikeStream, code: Code, level: int | None = 3) -> tuple[float, int]:
+    """Size in a first-spike code, bits per pixel and cycle, and the number of events."""
+    size = events = 0
+    for frame in encode(stream, code, level):
+        size, events = size + len(frame.data), events + frame.events
+    return _per_cycle(stream, size), events
+
+
+def _per_cycle(stream: SpikeStream, size: int) -> float:
+    return 8 * size / (stream.cycles * stream.shape[0] * stream.shape[1])

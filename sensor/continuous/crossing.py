@@ -1,4 +1,5 @@
-"""Monitors without noise: from one crossing to the next in closed form.
+"""Monitors of a continuous camera, and their reports without noise: from one crossing to the next
+in closed form.
 
 Under a photocurrent that runs as i(t) = i0 + k t the one-pole filter's current is
 m(t) = i0 + k t - k tau + C e^(-t/tau), C = m(0) - i0 + k tau. It turns at most once, so each part
@@ -8,8 +9,6 @@ k = 0 at t = tau ln(C / (L - i0)), else by Newton's method held inside its brack
 All is reckoned from the anchor, the start of the piece of light, never from where a run is split.
 Instants are rounded to picoseconds; a crossing found before the end of one piece that rounds to
 its end is found again in the next.
-
-This file also covers the state of the monitors, and the reports of one call of a kernel.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ from cosim.compute.cores import all_cores
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-
 CHUNK = 256
 """Pixels whose reports share one buffer, and one task of a processor core."""
+_PS = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +77,6 @@ class Reports:
     value: Floats
 
 
-Kernel = Callable[[Monitors, Ints, Ints, Ints, Floats], None]
-"""(monitors, changed in place; counts (chunks,); pixel, tick, value (chunks, room)). Counts all
-reports of a chunk, writes those there is room for."""
-
-
 def collect(kernel: Kernel, monitors: Monitors, room: int) -> tuple[Monitors, Reports, int]:
     """Monitors after the kernel, their reports, and the room that was needed. Where a chunk had
     more reports than room, all is done again with enough."""
@@ -97,79 +91,6 @@ def collect(kernel: Kernel, monitors: Monitors, room: int) -> tuple[Monitors, Re
             there = np.arange(room) < counts[:, None]
             return after, Reports(pixel[there], tick[there], value[there]), room
         room = 1 << (most - 1).bit_length()
-
-
-_PS = 1e12
-
-
-@njit(cache=True, nogil=True)
-def edge(tick, grid):  # type: ignore[no-untyped-def]
-    """Start of a tick in ps. grid: (a tick, its edge, remainder there, numerator, denominator) of
-    ps = floor(tick x numerator / denominator)."""
-    return grid[1] + (grid[2] + (tick - grid[0]) * grid[3]) // grid[4]
-
-
-@njit(cache=True, nogil=True)
-def tick_of(ps, grid):  # type: ignore[no-untyped-def]
-    """The tick that holds an instant: the last whose edge is not after it."""
-    return grid[0] + ((ps - grid[1] + 1) * grid[4] - 1 - grid[2]) // grid[3]
-
-
-@njit(cache=True, nogil=True)
-def _course(t, i0, k, c, tau):  # type: ignore[no-untyped-def]
-    return i0 + k * (t - tau) + c * math.exp(-t / tau)
-
-
-@njit(cache=True, nogil=True)
-def _solve(level, lo, hi, i0, k, c, tau):  # type: ignore[no-untyped-def]
-    """Where the course, monotone from lo to hi, has `level`, which lies between its ends."""
-    rising = _course(hi, i0, k, c, tau) > _course(lo, i0, k, c, tau)
-    t = 0.5 * (lo + hi)
-    for _ in range(200):
-        decay = c * math.exp(-t / tau)
-        off = i0 + k * (t - tau) + decay - level
-        if off == 0:
-            break
-        if (off > 0) == rising:
-            hi = t
-        else:
-            lo = t
-        slope = k - decay / tau
-        guess = t - off / slope if slope != 0 else lo
-        if not lo < guess < hi:
-            guess = 0.5 * (lo + hi)
-        if abs(guess - t) <= 1e-16 * abs(t) or guess in (lo, hi):
-            return guess
-        t = guess
-    return t
-
-
-@njit(cache=True, nogil=True)
-def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-untyped-def]
-    """(instant, level) of the first crossing in s .. stop, seconds from the anchor; instant is
-    infinite where there is none. A change that is already there counts at s."""
-    now = _course(s, i0, k, c, tau)
-    if not abs(now - reference) < threshold:
-        return s, now
-    if k == 0:
-        if abs(i0 - reference) <= threshold:
-            return math.inf, 0.0
-        level = reference + math.copysign(threshold, i0 - reference)
-        return max(s, tau * math.log(c / (level - i0))), level
-    turn = math.inf
-    if c * k > 0:
-        turn = tau * math.log(c / (k * tau))
-    lo = s
-    for part in range(2):
-        hi = min(turn, stop) if part == 0 else stop
-        if hi <= lo:
-            continue
-        off = _course(hi, i0, k, c, tau) - reference
-        if abs(off) >= threshold:
-            level = reference + math.copysign(threshold, off)
-            return _solve(level, lo, hi, i0, k, c, tau), level
-        lo = hi
-    return math.inf, 0.0
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
@@ -241,3 +162,78 @@ def jump(  # type: ignore[no-untyped-def]
                 if k != 0 or c != 0:
                     current[p] = _course(length, i0, k, c, tau)
         counts[chunk] = n
+
+
+@njit(cache=True, nogil=True)
+def _first(s, stop, i0, k, c, tau, reference, threshold):  # type: ignore[no-untyped-def]
+    """(instant, level) of the first crossing in s .. stop, seconds from the anchor; instant is
+    infinite where there is none. A change that is already there counts at s."""
+    now = _course(s, i0, k, c, tau)
+    if not abs(now - reference) < threshold:
+        return s, now
+    if k == 0:
+        if abs(i0 - reference) <= threshold:
+            return math.inf, 0.0
+        level = reference + math.copysign(threshold, i0 - reference)
+        return max(s, tau * math.log(c / (level - i0))), level
+    turn = math.inf
+    if c * k > 0:
+        turn = tau * math.log(c / (k * tau))
+    lo = s
+    for part in range(2):
+        hi = min(turn, stop) if part == 0 else stop
+        if hi <= lo:
+            continue
+        off = _course(hi, i0, k, c, tau) - reference
+        if abs(off) >= threshold:
+            level = reference + math.copysign(threshold, off)
+            return _solve(level, lo, hi, i0, k, c, tau), level
+        lo = hi
+    return math.inf, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _solve(level, lo, hi, i0, k, c, tau):  # type: ignore[no-untyped-def]
+    """Where the course, monotone from lo to hi, has `level`, which lies between its ends."""
+    rising = _course(hi, i0, k, c, tau) > _course(lo, i0, k, c, tau)
+    t = 0.5 * (lo + hi)
+    for _ in range(200):
+        decay = c * math.exp(-t / tau)
+        off = i0 + k * (t - tau) + decay - level
+        if off == 0:
+            break
+        if (off > 0) == rising:
+            hi = t
+        else:
+            lo = t
+        slope = k - decay / tau
+        guess = t - off / slope if slope != 0 else lo
+        if not lo < guess < hi:
+            guess = 0.5 * (lo + hi)
+        if abs(guess - t) <= 1e-16 * abs(t) or guess in (lo, hi):
+            return guess
+        t = guess
+    return t
+
+
+@njit(cache=True, nogil=True)
+def _course(t, i0, k, c, tau):  # type: ignore[no-untyped-def]
+    return i0 + k * (t - tau) + c * math.exp(-t / tau)
+
+
+@njit(cache=True, nogil=True)
+def edge(tick, grid):  # type: ignore[no-untyped-def]
+    """Start of a tick in ps. grid: (a tick, its edge, remainder there, numerator, denominator) of
+    ps = floor(tick x numerator / denominator)."""
+    return grid[1] + (grid[2] + (tick - grid[0]) * grid[3]) // grid[4]
+
+
+@njit(cache=True, nogil=True)
+def tick_of(ps, grid):  # type: ignore[no-untyped-def]
+    """The tick that holds an instant: the last whose edge is not after it."""
+    return grid[0] + ((ps - grid[1] + 1) * grid[4] - 1 - grid[2]) // grid[3]
+
+
+Kernel = Callable[[Monitors, Ints, Ints, Ints, Floats], None]
+"""(monitors, changed in place; counts (chunks,); pixel, tick, value (chunks, room)). Counts all
+reports of a chunk, writes those there is room for."""

@@ -1,10 +1,5 @@
-"""The page of a run of a continuous camera.
-
-This file also covers the explorer of a continuous camera: the values that its pixels have reported,
-over time.
-
-Figures of a run with continuous pixels: reports over time, and what single pixels said
-beside their true light.
+"""The page of a run of a continuous camera: reports over time, what single pixels said beside their
+true light, and an explorer of the values that the pixels have reported.
 """
 
 from __future__ import annotations
@@ -31,80 +26,125 @@ from sensor.sections.unlatched import ContinuousSection
 
 _FULL: Final = 65_535
 """Largest value shown."""
-
-
-class _Last:
-    """The last reports as whole numbers of a step, at instants that are asked for in order."""
-
-    def __init__(self, reports: Intensities, until: npt.NDArray[np.intp], step: float) -> None:
-        self._reports, self._until, self._step = reports, until, step
-        self._image = np.zeros(reports.shape, np.uint16)
-        self._done = 0
-
-    def read(self, n: int) -> npt.NDArray[np.uint16]:
-        """The image of the n-th instant, black where nothing was reported; it is changed by the
-        next."""
-        new = slice(self._done, int(self._until[n]))
-        value = np.minimum(np.rint(self._reports.value[new] / self._step), _FULL)
-        # Of several reports of a pixel the last one stays.
-        self._image.ravel()[self._reports.pixel[new]] = value.astype(np.uint16)
-        self._done = new.stop
-        return self._image
-
-
-def reports_explorer(judged: ContinuousRun) -> str:
-    """HTML of the section."""
-    spec, reports = judged.spec, judged.views.reports
-    clock, cycles = reports.clock, reports.ticks
-    instants = np.unique(np.linspace(0, cycles - 1, min(cycles, FRAMES)).round().astype(np.int64))
-    step = max(float(reports.value.max(initial=0.0)), spec.white) / _FULL
-    until = np.searchsorted(reports.time, reports.start + instants, side="right")
-    last = _Last(reports, until, step)
-    figures = [(float(one.mean()), int(one.min()), int(one.max())) for one in map(
-        last.read, range(len(instants))
-    )]  # fmt: skip
-    mean, least, most = zip(*figures, strict=True)
-    columns = [
-        FrameColumn("Frame", "mean", "", mean),
-        FrameColumn("Frame", "least", "", least),
-        FrameColumn("Frame", "most", "", most),
-        FrameColumn("Reports", "so_far", "", until.tolist()),
-        FrameColumn("Reports", "new", "", np.diff(until, prepend=0).tolist()),
-    ]
-    unit = f"x {amount(step, 'e/s')}"
-    part = frames_part(
-        [reports.shape] * len(instants), _Last(reports, until, step).read, _FULL,
-        [int(t) for t in instants], [clock.middle(int(t)) / 1e9 for t in instants], columns,
-        {"new": "since the instant before"}, unit=unit, drawn="new",
-    )  # fmt: skip
-    return (
-        f"<h2>Explore the reports</h2><p>What every pixel has reported last, at {len(instants)} "
-        f"instants; a frame is a cycle of the {amount(clock.hz, 'Hz')} clock. Values are in steps "
-        f"of {amount(step, 'e/s')}, {_FULL} is the brightest of white and all reports.</p>{part}"
-    )
-
-
 BLUE = "#2f5fa7"
 BINS = 200
 
 
-def rate_figure(
-    time: npt.NDArray[np.int64], ticks: int, pixels: int, clock: Clock, path: Path
-) -> Data:
-    """Reports a pixel and second over time. time: ticks of the reports. A bin is whole ticks."""
-    figure, ax = subplots(figsize=(11, 2.8), layout="constrained")
-    every = -(-ticks // BINS)
-    edges = np.minimum(np.arange(0, ticks + every, every), ticks)
-    found, _ = np.histogram(time, edges - 0.5)
-    rate = found * clock.hz / np.diff(edges) / pixels
-    ax.stairs(rate, edges * (1e3 / clock.hz), fill=True, color=BLUE, linewidth=0)
-    ax.set_xlim(0, ticks * 1e3 / clock.hz)
-    ax.set_xlabel("time (ms)", color=INK)
-    ax.set_ylabel("reports/s a pixel", color=INK)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.spines[["left", "bottom"]].set_color(LINE)
-    ax.tick_params(color=LINE, labelcolor=INK)
-    return save_figure(figure, path)
+def continuous_page(judged: ContinuousRun) -> Page:
+    """Writes the figures, and makes the page's parts."""
+    spec, reports, counts = judged.spec, judged.views.reports, _counts(judged)
+    sections = [
+        reports_explorer(judged),
+        _images(judged, counts),
+        _pixels(judged, counts),
+        _traffic(judged),
+        _machine(judged),
+    ]
+    figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
+    return Page(
+        spec.title,
+        f"{spec.setting.chip.title}, continuous pixels, {number(spec.setting.clock.hz / 1e3)} "
+        f"kHz, {count(reports.ticks)} cycles",
+        _simulated(judged),
+        _cards(judged),
+        sections,
+        quality="A higher PSNR is better; fewer reports and bits are cheaper to send.",
+        unmeasured="It cannot be measured: these pixels have one tier, with every effect.",
+        commands_do="<p>The same bits, however the run is split.</p>",
+        files=[f"figures/{name}" for name in figures],
+    )
+
+
+def _cards(judged: ContinuousRun) -> list[Card]:
+    metrics, raw = judged.run.result.metrics, judged.spec.setting.clock.hz
+    return [
+        ("first", decibel(metrics["continuous_psnr"].value),
+         f"PSNR against the true light; SSIM {number(metrics['continuous_ssim'].value)}"),
+        ("", number(metrics["report_rate"].value), "reports a pixel and second"),
+        ("", count(metrics["bit_rate"].value),
+         f"bits a pixel and second; spikes latched at this clock: {count(raw)}"),
+    ]  # fmt: skip
+
+
+def _simulated(judged: ContinuousRun) -> str:
+    """What was simulated, for a newcomer."""
+    height, width = judged.views.reports.shape
+    return (
+        f"A camera with {width} x {height} pixels, the {judged.spec.setting.chip.title}, watches "
+        f"the scene “{judged.spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. "
+        "Every pixel watches its own light and reports its value whenever that has changed by more "
+        f"than {percent(judged.spec.setting.contrast)}; what stands still is not sent again."
+    )
+
+
+def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    ms = 1e3 / judged.spec.setting.clock.hz
+    middle = judged.views.shots[len(judged.views.shots) // 2]
+    overview_figure(
+        [
+            (f"true light at {number((middle.cycle + 0.5) * ms, 4)} ms", for_display(middle.truth)),
+            ("last report of every pixel", for_display(middle.continuous)),
+            (f"reports of each pixel, to {count(counts.max())}", _where(counts)),
+        ],
+        judged.run.folder / "figures" / "overview.png",
+    )
+    parts = [
+        "<h2>Images at chosen instants</h2><p>True light in the middle of the cycle, and the last "
+        "value that every pixel has reported by its end, white of the scene = white, through the "
+        "sRGB curve. The linear pictures are in <code>images/</code>.</p>"
+    ]
+    for shot in judged.views.shots:
+        ages = shot.age[shot.age >= 0] * ms
+        old = "none"
+        if ages.size:
+            old = f"median {number(np.median(ages))}, oldest {number(ages.max(), 4)} ms"
+        pictures = figure(for_display(shot.truth), "true light") + figure(
+            for_display(shot.continuous), f"last reports; their age: {old}"
+        )
+        parts.append(
+            f"<h3>cycle {count(shot.cycle)}, "
+            f"{number((shot.cycle + 0.5) * ms, 4)} ms</h3>"
+            f'<div class="grid by2">{pictures}</div>'
+        )
+    return "".join(parts)
+
+
+def _where(counts: npt.NDArray[np.int64]) -> Any:
+    """Reports of each pixel as a picture: black none, white the most, logarithmic."""
+    return np.rint(255 * np.log1p(counts) / np.log1p(max(int(counts.max()), 1))).astype(np.uint8)
+
+
+def _counts(judged: ContinuousRun) -> npt.NDArray[np.int64]:
+    """Reports of each pixel, (H, W)."""
+    height, width = judged.views.reports.shape
+    return np.bincount(judged.views.reports.pixel, minlength=height * width).reshape(height, width)
+
+
+def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
+    figures, points = judged.run.folder / "figures", judged.views.light.points
+    data = pixels_figure(
+        judged.views.reports, judged.views.light, judged.spec.setting.electrons_per_lux,
+        judged.spec.white, [shot.cycle for shot in judged.views.shots], figures / "intensities.png",
+    )  # fmt: skip
+    middle = judged.views.shots[len(judged.views.shots) // 2]
+    marks = mark_pixels(for_display(middle.continuous), points)
+    write_png(figures / "pixels.png", marks)
+    pair = figure(marks, f"the pixels, on the image of cycle {middle.cycle}") + figure(
+        _where(counts),
+        f"reports of each pixel: {count(counts.min())} to {count(counts.max())}, logarithmic",
+    )
+    return (
+        "<h2>Single pixels</h2><p>Between its reports a pixel's current is taken to stand still: "
+        "what it puts out is a piecewise constant form of its light (Huang 2022, section 3.1). The "
+        "true light is what falls on the pixel, behind lens and cross-talk, before its own gain "
+        "and dark current.</p>"
+        + plot(
+            figures / "intensities.png",
+            "reports of single pixels over time, and their true light",
+            data,
+        )
+        + f'<div class="grid by2">{pair}</div>'
+    )
 
 
 def pixels_figure(
@@ -151,98 +191,6 @@ def pixels_figure(
     return save_figure(figure, path)
 
 
-def _cards(judged: ContinuousRun) -> list[Card]:
-    metrics, raw = judged.run.result.metrics, judged.spec.setting.clock.hz
-    return [
-        ("first", decibel(metrics["continuous_psnr"].value),
-         f"PSNR against the true light; SSIM {number(metrics['continuous_ssim'].value)}"),
-        ("", number(metrics["report_rate"].value), "reports a pixel and second"),
-        ("", count(metrics["bit_rate"].value),
-         f"bits a pixel and second; spikes latched at this clock: {count(raw)}"),
-    ]  # fmt: skip
-
-
-def _simulated(judged: ContinuousRun) -> str:
-    """What was simulated, for a newcomer."""
-    height, width = judged.views.reports.shape
-    return (
-        f"A camera with {width} x {height} pixels, the {judged.spec.setting.chip.title}, watches "
-        f"the scene “{judged.spec.title}” for {amount(judged.run.result.simulated_s, 's', 4)}. "
-        "Every pixel watches its own light and reports its value whenever that has changed by more "
-        f"than {percent(judged.spec.setting.contrast)}; what stands still is not sent again."
-    )
-
-
-def _counts(judged: ContinuousRun) -> npt.NDArray[np.int64]:
-    """Reports of each pixel, (H, W)."""
-    height, width = judged.views.reports.shape
-    return np.bincount(judged.views.reports.pixel, minlength=height * width).reshape(height, width)
-
-
-def _where(counts: npt.NDArray[np.int64]) -> Any:
-    """Reports of each pixel as a picture: black none, white the most, logarithmic."""
-    return np.rint(255 * np.log1p(counts) / np.log1p(max(int(counts.max()), 1))).astype(np.uint8)
-
-
-def _images(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
-    ms = 1e3 / judged.spec.setting.clock.hz
-    middle = judged.views.shots[len(judged.views.shots) // 2]
-    overview_figure(
-        [
-            (f"true light at {number((middle.cycle + 0.5) * ms, 4)} ms", for_display(middle.truth)),
-            ("last report of every pixel", for_display(middle.continuous)),
-            (f"reports of each pixel, to {count(counts.max())}", _where(counts)),
-        ],
-        judged.run.folder / "figures" / "overview.png",
-    )
-    parts = [
-        "<h2>Images at chosen instants</h2><p>True light in the middle of the cycle, and the last "
-        "value that every pixel has reported by its end, white of the scene = white, through the "
-        "sRGB curve. The linear pictures are in <code>images/</code>.</p>"
-    ]
-    for shot in judged.views.shots:
-        ages = shot.age[shot.age >= 0] * ms
-        old = "none"
-        if ages.size:
-            old = f"median {number(np.median(ages))}, oldest {number(ages.max(), 4)} ms"
-        pictures = figure(for_display(shot.truth), "true light") + figure(
-            for_display(shot.continuous), f"last reports; their age: {old}"
-        )
-        parts.append(
-            f"<h3>cycle {count(shot.cycle)}, "
-            f"{number((shot.cycle + 0.5) * ms, 4)} ms</h3>"
-            f'<div class="grid by2">{pictures}</div>'
-        )
-    return "".join(parts)
-
-
-def _pixels(judged: ContinuousRun, counts: npt.NDArray[np.int64]) -> str:
-    figures, points = judged.run.folder / "figures", judged.views.light.points
-    data = pixels_figure(
-        judged.views.reports, judged.views.light, judged.spec.setting.electrons_per_lux,
-        judged.spec.white, [shot.cycle for shot in judged.views.shots], figures / "intensities.png",
-    )  # fmt: skip
-    middle = judged.views.shots[len(judged.views.shots) // 2]
-    marks = mark_pixels(for_display(middle.continuous), points)
-    write_png(figures / "pixels.png", marks)
-    pair = figure(marks, f"the pixels, on the image of cycle {middle.cycle}") + figure(
-        _where(counts),
-        f"reports of each pixel: {count(counts.min())} to {count(counts.max())}, logarithmic",
-    )
-    return (
-        "<h2>Single pixels</h2><p>Between its reports a pixel's current is taken to stand still: "
-        "what it puts out is a piecewise constant form of its light (Huang 2022, section 3.1). The "
-        "true light is what falls on the pixel, behind lens and cross-talk, before its own gain "
-        "and dark current.</p>"
-        + plot(
-            figures / "intensities.png",
-            "reports of single pixels over time, and their true light",
-            data,
-        )
-        + f'<div class="grid by2">{pair}</div>'
-    )
-
-
 def _traffic(judged: ContinuousRun) -> str:
     reports, path = judged.views.reports, judged.run.folder / "figures" / "reports.png"
     pixels = reports.shape[0] * reports.shape[1]
@@ -280,6 +228,25 @@ def _traffic(judged: ContinuousRun) -> str:
         + f'<pre>reports = numpy.load("{STREAM}")   # row, column, time (ticks), value '
         "(electrons/s)</pre>"
     )
+
+
+def rate_figure(
+    time: npt.NDArray[np.int64], ticks: int, pixels: int, clock: Clock, path: Path
+) -> Data:
+    """Reports a pixel and second over time. time: ticks of the reports. A bin is whole ticks."""
+    figure, ax = subplots(figsize=(11, 2.8), layout="constrained")
+    every = -(-ticks // BINS)
+    edges = np.minimum(np.arange(0, ticks + every, every), ticks)
+    found, _ = np.histogram(time, edges - 0.5)
+    rate = found * clock.hz / np.diff(edges) / pixels
+    ax.stairs(rate, edges * (1e3 / clock.hz), fill=True, color=BLUE, linewidth=0)
+    ax.set_xlim(0, ticks * 1e3 / clock.hz)
+    ax.set_xlabel("time (ms)", color=INK)
+    ax.set_ylabel("reports/s a pixel", color=INK)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.spines[["left", "bottom"]].set_color(LINE)
+    ax.tick_params(color=LINE, labelcolor=INK)
+    return save_figure(figure, path)
 
 
 def _machine(judged: ContinuousRun) -> str:
@@ -327,26 +294,52 @@ def _machine(judged: ContinuousRun) -> str:
     )
 
 
-def continuous_page(judged: ContinuousRun) -> Page:
-    """Writes the figures, and makes the page's parts."""
-    spec, reports, counts = judged.spec, judged.views.reports, _counts(judged)
-    sections = [
-        reports_explorer(judged),
-        _images(judged, counts),
-        _pixels(judged, counts),
-        _traffic(judged),
-        _machine(judged),
+def reports_explorer(judged: ContinuousRun) -> str:
+    """HTML of the section."""
+    spec, reports = judged.spec, judged.views.reports
+    clock, cycles = reports.clock, reports.ticks
+    instants = np.unique(np.linspace(0, cycles - 1, min(cycles, FRAMES)).round().astype(np.int64))
+    step = max(float(reports.value.max(initial=0.0)), spec.white) / _FULL
+    until = np.searchsorted(reports.time, reports.start + instants, side="right")
+    last = _Last(reports, until, step)
+    figures = [(float(one.mean()), int(one.min()), int(one.max())) for one in map(
+        last.read, range(len(instants))
+    )]  # fmt: skip
+    mean, least, most = zip(*figures, strict=True)
+    columns = [
+        FrameColumn("Frame", "mean", "", mean),
+        FrameColumn("Frame", "least", "", least),
+        FrameColumn("Frame", "most", "", most),
+        FrameColumn("Reports", "so_far", "", until.tolist()),
+        FrameColumn("Reports", "new", "", np.diff(until, prepend=0).tolist()),
     ]
-    figures = sorted(path.name for path in (judged.run.folder / "figures").glob("*.png"))
-    return Page(
-        spec.title,
-        f"{spec.setting.chip.title}, continuous pixels, {number(spec.setting.clock.hz / 1e3)} "
-        f"kHz, {count(reports.ticks)} cycles",
-        _simulated(judged),
-        _cards(judged),
-        sections,
-        quality="A higher PSNR is better; fewer reports and bits are cheaper to send.",
-        unmeasured="It cannot be measured: these pixels have one tier, with every effect.",
-        commands_do="<p>The same bits, however the run is split.</p>",
-        files=[f"figures/{name}" for name in figures],
+    unit = f"x {amount(step, 'e/s')}"
+    part = frames_part(
+        [reports.shape] * len(instants), _Last(reports, until, step).read, _FULL,
+        [int(t) for t in instants], [clock.middle(int(t)) / 1e9 for t in instants], columns,
+        {"new": "since the instant before"}, unit=unit, drawn="new",
+    )  # fmt: skip
+    return (
+        f"<h2>Explore the reports</h2><p>What every pixel has reported last, at {len(instants)} "
+        f"instants; a frame is a cycle of the {amount(clock.hz, 'Hz')} clock. Values are in steps "
+        f"of {amount(step, 'e/s')}, {_FULL} is the brightest of white and all reports.</p>{part}"
     )
+
+
+class _Last:
+    """The last reports as whole numbers of a step, at instants that are asked for in order."""
+
+    def __init__(self, reports: Intensities, until: npt.NDArray[np.intp], step: float) -> None:
+        self._reports, self._until, self._step = reports, until, step
+        self._image = np.zeros(reports.shape, np.uint16)
+        self._done = 0
+
+    def read(self, n: int) -> npt.NDArray[np.uint16]:
+        """The image of the n-th instant, black where nothing was reported; it is changed by the
+        next."""
+        new = slice(self._done, int(self._until[n]))
+        value = np.minimum(np.rint(self._reports.value[new] / self._step), _FULL)
+        # Of several reports of a pixel the last one stays.
+        self._image.ravel()[self._reports.pixel[new]] = value.astype(np.uint16)
+        self._done = new.stop
+        return self._image

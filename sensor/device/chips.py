@@ -4,63 +4,27 @@ Published: Huang 2022 (DZXB 20221075) section 6 for sizes, clocks and process. N
 publishes pitch, fill factor, quantum efficiency or full well of either chip; the paper's worked
 example (100 um2 at QE 0.7, section 4.3) is the natural assumption.
 
-This file also covers the reset noise of a capacitance, and the constants that turn it into
-electrons.
-
-This file also covers a number that a real chip is taken to have, with where it is from.
-
-Nothing is published of the faults of SpikeOne or SpikeTwo. The sizes of `sensor.preset = "silicon"`
-are those of the one public calibration of a spike sensor (the simulator SCSim), of a public
-recording, of a patent and of the principle's paper; what none of them gives is a round number usual
-for CMOS. So all are assumed for the chips here, and each effect's key says on what ground.
-
-This file also covers the steering of a chip's clock: the counter that makes its ticks may be told
-to count more or less.
-
-A tick ends when a counter of a faster master clock reaches its end value; a register of the board
-changes that value from tick to tick, by whole counts. To pull the crystal oscillator itself would
-be too slow: one of +-100 parts per million (the usual pull range of a VCXO) takes 5000 ticks for
-half a tick, and a file of 8 MB takes 350.
-
-A tick may be shortened only by what the readout leaves blank between the last row of a plane and
-the first row of the next one. It may be lengthened by more, since the readout then only waits.
+The board of a chip may steer its clock. A tick ends when a counter of a faster master clock reaches
+its end value; a register of the board changes that value from tick to tick, by whole counts. To
+pull the crystal oscillator itself would be too slow: one of +-100 parts per million (the usual pull
+range of a VCXO) takes 5000 ticks for half a tick, and a file of 8 MB takes 350. A tick may be
+shortened only by what the readout leaves blank between the last row of a plane and the first row of
+the next one. It may be lengthened by more, since the readout then only waits.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from cosim.clock import PS, Clock
 
-BOLTZMANN: Final = 1.380649e-23
-"""J/K, exact by definition of the SI (2019)."""
-ELEMENTARY_CHARGE: Final = 1.602176634e-19
-"""C, exact by definition of the SI (2019)."""
-
-
-def ktc_electrons(farad: float, kelvin: float = 300.0) -> float:
-    """Reset noise of a capacitance in electrons: sqrt(k T C) / q."""
-    return math.sqrt(BOLTZMANN * kelvin * farad) / ELEMENTARY_CHARGE
-
-
-USUAL: Final = "no source for a spike chip: a round number usual for CMOS image sensors"
-
-
-@dataclass(frozen=True)
-class Sized:
-    """A size.
-
-    Attributes:
-        value: value in the unit of the key.
-        provenance: whether it was published for this chip.
-        source: source of the value.
-    """
-
-    value: float
-    provenance: Literal["published", "assumed"]
-    source: str
+GIVEN: Final = "given by the user"
+"""Origin of a number that stands in the scenario."""
+MOST_PIXELS: Final = 64_000_000
+"""Largest array, 8000 x 8000: the size up to which runs are tested."""
+_NO_NUMBERS: Final = ("name", "title", "assumed", "given", "steering")
+_ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
 
 
 @dataclass(frozen=True)
@@ -160,14 +124,6 @@ class Chip:
         changed: dict[str, Any] = {**given, "given": self.given.union(given)}
         return replace(self, **changed)
 
-
-GIVEN: Final = "given by the user"
-"""Origin of a number that stands in the scenario."""
-MOST_PIXELS: Final = 64_000_000
-"""Largest array, 8000 x 8000: the size up to which runs are tested."""
-_NO_NUMBERS: Final = ("name", "title", "assumed", "given", "steering")
-
-_ASSUMED = frozenset({"pitch", "fill_factor", "quantum_efficiency"})
 
 CHIPS = {
     c.name: c

@@ -35,9 +35,20 @@ from cosim.light.mosaic import Mosaic
 from cosim.light.radiometry import photons_per_lux
 
 Values = npt.NDArray[np.float64]
-
 _LARGE: Final = 1 << 18
 """Pixels from which a plane is mapped on all cores."""
+LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
+"""Share of each primary in white (Rec. ITU-R BT.709-6, item 3.2)."""
+_NM: Final = np.arange(380.0, 781.0)
+_ABSORPTION_NM: Final = np.arange(350.0, 801.0, 50.0)
+_ABSORPTION_CM: Final = np.array(
+    [1.06e6, 9.52e4, 2.55e4, 1.11e4, 6.39e3, 4.14e3, 2.81e3, 1.90e3, 1.30e3, 8.50e2]
+)
+"""Absorption of silicon at 300 K, 1/cm (Green, Sol. Energy Mater. Sol. Cells 92:1305, 2008)."""
+_PRIMARIES: Final = ((620.0, 15.0), (540.0, 20.0), (455.0, 12.0))
+"""Middle and standard deviation of the primaries' spectra, nm; assumed."""
+_DYES: Final = ((610.0, 35.0, 0.90), (535.0, 35.0, 0.85), (455.0, 30.0, 0.80))
+"""Middle, standard deviation (nm) and largest transmission of the filters; assumed."""
 
 
 def side_share(crosstalk: float) -> float:
@@ -59,20 +70,6 @@ def crosstalk_map(crosstalk: float) -> PlaneMap:
         return out
 
     return PlaneMap(lambda plane: part(plane, (0, plane.shape[0], 0, plane.shape[1])), 1, part)
-
-
-LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
-"""Share of each primary in white (Rec. ITU-R BT.709-6, item 3.2)."""
-_NM: Final = np.arange(380.0, 781.0)
-_ABSORPTION_NM: Final = np.arange(350.0, 801.0, 50.0)
-_ABSORPTION_CM: Final = np.array(
-    [1.06e6, 9.52e4, 2.55e4, 1.11e4, 6.39e3, 4.14e3, 2.81e3, 1.90e3, 1.30e3, 8.50e2]
-)
-"""Absorption of silicon at 300 K, 1/cm (Green, Sol. Energy Mater. Sol. Cells 92:1305, 2008)."""
-_PRIMARIES: Final = ((620.0, 15.0), (540.0, 20.0), (455.0, 12.0))
-"""Middle and standard deviation of the primaries' spectra, nm; assumed."""
-_DYES: Final = ((610.0, 35.0, 0.90), (535.0, 35.0, 0.85), (455.0, 30.0, 0.80))
-"""Middle, standard deviation (nm) and largest transmission of the filters; assumed."""
 
 
 def absorbed(nm: npt.ArrayLike, micrometres: float) -> Values:

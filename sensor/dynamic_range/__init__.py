@@ -7,14 +7,7 @@ from sensor.dynamic_range.chain import (
     Mapping,
     document_dynamic_range,
     gain_counted_once,
-    interval_rsd,
-    level_step,
-    levels_for,
-    longest_width,
-    photons_per_second,
     rounding_variance,
-    spike_dynamic_range,
-    threshold_for,
 )
 from sensor.dynamic_range.monte_carlo import measure_chain
 from sensor.dynamic_range.parts import (
@@ -31,6 +24,15 @@ from sensor.dynamic_range.parts import (
     converter_rule,
     decibels,
     sensor_dynamic_range,
+)
+from sensor.dynamic_range.spike_camera import (
+    interval_rsd,
+    level_step,
+    levels_for,
+    longest_width,
+    photons_per_second,
+    spike_dynamic_range,
+    threshold_for,
 )
 from sensor.dynamic_range.sweep import Budget, Judged, sweep
 

@@ -1,4 +1,4 @@
-"""Dynamic range of a chain from the sensor to the digital output, and the document's formula.
+"""Dynamic range of a chain from the sensor to its digital output, and the document's formula.
 
 The chain: electrons, volts at S a electron, circuit noise, analog gain m, converter of full scale
 V_fs with noise a (quantisation in it), digital gain n, an output word as wide as the converter's.
@@ -23,27 +23,16 @@ so the document is 20 log10(n m) dB too low, and equal at m = n = 1. It also add
 were one and the same, up to 3 dB a pair too low. Only a dimensionless alpha fits (m + alpha): the
 converter's noise over that before it. `document` is that figure; nothing is chosen by it.
 
-This file also covers the response of a sensor above its linear range.
-
 A sensor's data may give two saturation voltages, the linear full well and the full well: 2500 mV
-and 3400 mV for the DALSA sensor of Wang et al. Between the two the output still rises
-with light, but ever less. The document leaves this part out of the dynamic range, and so does this
-package. This module computes what the part would add. The document does not print the curve: an
-exponential approach with a continuous slope is assumed.
+and 3400 mV for the DALSA sensor of Wang et al. Between the two the output still rises with light,
+but ever less. The document leaves this part out of the dynamic range, and so does this package;
+`FullWell` computes what the part would add. The document does not print the curve: an exponential
+approach with a continuous slope is assumed.
 
-This file also covers the mapping of a chain's values to an output of few bits, linear or by a gamma
-curve, and what of the dynamic range is left.
-
-An output of L = 2^bits - 1 steps shows, at the least, its first step. Mapped by y = x^(1/gamma)
-that step stands for x = L^-gamma, so an output holds gamma 20 log10(L) dB: 48.1 dB linear in 8
-bits, 105.9 dB with gamma 2.2. What it costs is the size of the other steps.
-
-This file also covers the dynamic range of a spike camera, and what its threshold and widths resolve
-(Huang, "Spiking Continuous Photographing Principle", Acta Electronica Sinica 50:2919, 2022,
-sections 3.3.2 to 5.2).
-
-A pixel gathers Q electrons in a width tau, so light is Q/tau. The shortest width is what the
-circuit can read out, the longest what dark current leaves of it: Q/I_dark.
+An output of few bits is a linear or gamma `Mapping` of the chain's values. One of L = 2^bits - 1
+steps shows, at the least, its first step. Mapped by y = x^(1/gamma) that step stands for
+x = L^-gamma, so an output holds gamma 20 log10(L) dB: 48.1 dB linear in 8 bits, 105.9 dB with
+gamma 2.2. What it costs is the size of the other steps.
 """
 
 from __future__ import annotations
@@ -56,121 +45,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.light.radiometry import photons_per_lux
-from sensor.dynamic_range.parts import Converter, as_ratio, decibels
+from sensor.dynamic_range.parts import Converter, decibels
 
 Values = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class FullWell:
-    """Where a sensor's output leaves its linear range.
-
-    Attributes:
-        linear: volts up to which output goes with light.
-        full: volts that it never exceeds.
-    """
-
-    linear: float
-    full: float
-
-    def response(self, light: npt.ArrayLike) -> Values:
-        """Volts out of light, given as the volts that a sensor without an end would put out."""
-        x = np.asarray(light, np.float64)
-        room = self.full - self.linear
-        beyond = np.maximum(x - self.linear, 0)
-        bent = self.linear - room * np.expm1(-beyond / room) if room > 0 else self.linear
-        return np.where(x <= self.linear, x, bent)
-
-    @property
-    def output_gain(self) -> float:
-        """dB of output between the two."""
-        return decibels(self.full / self.linear)
-
-
-DALSA: Final = FullWell(2.5, 3.4)
-"""Wang et al., patent of 2017."""
-
-
-@dataclass(frozen=True)
-class Mapping:
-    """A power law from a chain's values to an output of few bits.
-
-    Attributes:
-        gamma: 1 is linear.
-        bits: bits of the output.
-    """
-
-    gamma: float = 1.0
-    bits: int = 8
-
-    @property
-    def steps(self) -> int:
-        return (1 << self.bits) - 1
-
-    def codes(self, light: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        """Output codes of values from 0 to 1 (what lies outside is clipped), rounded."""
-        x = np.clip(np.asarray(light, np.float64), 0, 1)
-        return np.rint(x ** (1 / self.gamma) * self.steps).astype(np.int64)
-
-    def light(self, codes: npt.ArrayLike) -> Values:
-        """Values from 0 to 1 that codes stand for."""
-        return np.asarray((np.asarray(codes, np.float64) / self.steps) ** self.gamma)
-
-    @property
-    def holds(self) -> float:
-        """dB from the first step to the last."""
-        return self.gamma * decibels(self.steps)
-
-    def survives(self, db: float) -> float:
-        """dB left of a chain's dynamic range: the chain's, or what the output holds."""
-        return min(db, self.holds)
-
-    def step(self, light: float) -> float:
-        """Size of a step at a value, relative to it: gamma/(L x^(1/gamma))."""
-        return self.gamma / (self.steps * light ** (1 / self.gamma))
-
-
-def document_dynamic_range(
-    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
-    digital: float, alpha: float,
-) -> float:  # fmt: skip
-    """The document's system dynamic range, dB, in its plain reading.
-
-    Args:
-        saturated: V_sat, volts.
-        sensitivity: S2, volts an electron (the document calls it optical sensitivity, but times
-            Q_noise it must give volts).
-        noise: Q_noise, electrons.
-        circuit: volts.
-        analog, digital: gains m and n.
-        alpha: the converter's noise over S2 Q_noise + V_circuit.
-    """
-    before = sensitivity * noise + circuit
-    return decibels(saturated / before) + decibels(1 / (digital**2 * analog * (analog + alpha)))
-
-
-def gain_counted_once(
-    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
-    digital: float, alpha: float,
-) -> float:  # fmt: skip
-    """The document's formula, dB, with signal and noise referred to the same point.
-
-    The gains enter as 1/(n (m + alpha)). Valid for a converter whose full scale is V_sat and for
-    gains of 1 or more. The arguments are those of `document_dynamic_range`.
-    """
-    before = sensitivity * noise + circuit
-    return decibels(saturated / before) + decibels(1 / (digital * (analog + alpha)))
-
-
-def rounding_variance(digital: float) -> float:
-    """Variance that rounding after a digital gain adds, DN^2 of the output.
-
-    For a gain p/q in lowest terms the rounding errors are the q multiples of 1/q around 0. Halves
-    are rounded up.
-    """
-    q = Fraction(repr(float(digital))).denominator
-    return (1 - 1 / q**2) / 12
 
 
 @dataclass(frozen=True)
@@ -263,39 +140,112 @@ class Chain:
         return spread >= max(1, 1 / self.digital, 1 / beat if beat else 1) / 2
 
 
-def spike_dynamic_range(longest: float, shortest: float, levels: float = 1) -> float:
-    """20 lg(longest/shortest N), dB (sections 4.4 and 4.5): widths in one unit of time; levels: N
-    of the charge read below threshold when the longest width is up, 1 for none."""
-    return decibels(longest / shortest * levels)
+def rounding_variance(digital: float) -> float:
+    """Variance that rounding after a digital gain adds, DN^2 of the output.
+
+    For a gain p/q in lowest terms the rounding errors are the q multiples of 1/q around 0. Halves
+    are rounded up.
+    """
+    q = Fraction(repr(float(digital))).denominator
+    return (1 - 1 / q**2) / 12
 
 
-def levels_for(db: float, longest: float, shortest: float) -> float:
-    """N that a dynamic range takes when a width may be no longer than this: 10 for 180 dB at 1 s
-    and 10 ns. At 0.1 s it is 100, where section 4.5 prints 10."""
-    return as_ratio(db) / (longest / shortest)
+def document_dynamic_range(
+    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
+    digital: float, alpha: float,
+) -> float:  # fmt: skip
+    """The document's system dynamic range, dB, in its plain reading.
+
+    Args:
+        saturated: V_sat, volts.
+        sensitivity: S2, volts an electron (the document calls it optical sensitivity, but times
+            Q_noise it must give volts).
+        noise: Q_noise, electrons.
+        circuit: volts.
+        analog, digital: gains m and n.
+        alpha: the converter's noise over S2 Q_noise + V_circuit.
+    """
+    before = sensitivity * noise + circuit
+    return decibels(saturated / before) + decibels(1 / (digital**2 * analog * (analog + alpha)))
 
 
-def photons_per_second(lux: float, square_micrometres: float) -> float:
-    """Photons a second on a pixel, as of 555 nm (section 4.3)."""
-    return photons_per_lux(555) * lux * square_micrometres * 1e-12
+def gain_counted_once(
+    saturated: float, sensitivity: float, noise: float, circuit: float, analog: float,
+    digital: float, alpha: float,
+) -> float:  # fmt: skip
+    """The document's formula, dB, with signal and noise referred to the same point.
+
+    The gains enter as 1/(n (m + alpha)). Valid for a converter whose full scale is V_sat and for
+    gains of 1 or more. The arguments are those of `document_dynamic_range`.
+    """
+    before = sensitivity * noise + circuit
+    return decibels(saturated / before) + decibels(1 / (digital * (analog + alpha)))
 
 
-def threshold_for(electrons_per_second: float, shortest: float) -> float:
-    """The least Q with which a circuit of this shortest width, seconds, follows the light."""
-    return electrons_per_second * shortest
+@dataclass(frozen=True)
+class Mapping:
+    """A power law from a chain's values to an output of few bits.
+
+    Attributes:
+        gamma: 1 is linear.
+        bits: bits of the output.
+    """
+
+    gamma: float = 1.0
+    bits: int = 8
+
+    @property
+    def steps(self) -> int:
+        return (1 << self.bits) - 1
+
+    def codes(self, light: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Output codes of values from 0 to 1 (what lies outside is clipped), rounded."""
+        x = np.clip(np.asarray(light, np.float64), 0, 1)
+        return np.rint(x ** (1 / self.gamma) * self.steps).astype(np.int64)
+
+    def light(self, codes: npt.ArrayLike) -> Values:
+        """Values from 0 to 1 that codes stand for."""
+        return np.asarray((np.asarray(codes, np.float64) / self.steps) ** self.gamma)
+
+    @property
+    def holds(self) -> float:
+        """dB from the first step to the last."""
+        return self.gamma * decibels(self.steps)
+
+    def survives(self, db: float) -> float:
+        """dB left of a chain's dynamic range: the chain's, or what the output holds."""
+        return min(db, self.holds)
+
+    def step(self, light: float) -> float:
+        """Size of a step at a value, relative to it: gamma/(L x^(1/gamma))."""
+        return self.gamma / (self.steps * light ** (1 / self.gamma))
 
 
-def longest_width(threshold: float, dark: float) -> float:
-    """Seconds after which a width is dark current's rather than light's: Q/I_dark (section 4.4).
-    dark: electrons a second."""
-    return threshold / dark
+@dataclass(frozen=True)
+class FullWell:
+    """Where a sensor's output leaves its linear range.
+
+    Attributes:
+        linear: volts up to which output goes with light.
+        full: volts that it never exceeds.
+    """
+
+    linear: float
+    full: float
+
+    def response(self, light: npt.ArrayLike) -> Values:
+        """Volts out of light, given as the volts that a sensor without an end would put out."""
+        x = np.asarray(light, np.float64)
+        room = self.full - self.linear
+        beyond = np.maximum(x - self.linear, 0)
+        bent = self.linear - room * np.expm1(-beyond / room) if room > 0 else self.linear
+        return np.where(x <= self.linear, x, bent)
+
+    @property
+    def output_gain(self) -> float:
+        """dB of output between the two."""
+        return decibels(self.full / self.linear)
 
 
-def level_step(width: int) -> float:
-    """Light between widths of tau and tau + 1 ticks, in Q a tick: 1/(tau (tau + 1)) (3.3.2)."""
-    return 1 / (width * (width + 1))
-
-
-def interval_rsd(threshold: float) -> float:
-    """Standard deviation of a width over the width, from shot noise alone: sqrt(1/Q) (5.1)."""
-    return math.sqrt(1 / threshold)
+DALSA: Final = FullWell(2.5, 3.4)
+"""Wang et al., patent of 2017."""

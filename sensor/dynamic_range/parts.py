@@ -16,8 +16,16 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from sensor.device.chips import ktc_electrons
+from sensor.circuit.circuit import ktc_electrons
 from sensor.device.pattern import DOUBLING, dark_current
+
+ZERO_CELSIUS: Final = 273.15
+"""K, by definition of the Celsius scale."""
+BOLTZMANN_EV: Final = 8.617333262e-5
+"""eV/K, from the SI's exact constants (2019)."""
+RULE_FACTOR: Final = 2
+"""How far the converter's dynamic range is to exceed the sensor's (Wang et al.)."""
+_TYPICAL: Final = "assumed: power, and a signal-to-noise ratio of a sine of full scale of "
 
 
 def decibels(ratio: float) -> float:
@@ -34,12 +42,6 @@ def sensor_dynamic_range(saturation: float, noise: float) -> float:
     """A sensor's dynamic range, dB: saturation over noise, both in electrons (Wang et al., patent
     of 2017, its first formula). 40 000 e over 25 e are 64.08 dB; without noise it has no end."""
     return decibels(saturation / noise) if noise > 0 else math.inf
-
-
-ZERO_CELSIUS: Final = 273.15
-"""K, by definition of the Celsius scale."""
-BOLTZMANN_EV: Final = 8.617333262e-5
-"""eV/K, from the SI's exact constants (2019)."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,6 @@ class SensorNoise:
         return math.hypot(*self.parts(celsius, hertz, seconds, signal).values())
 
 
-RULE_FACTOR: Final = 2
-"""How far the converter's dynamic range is to exceed the sensor's (Wang et al.)."""
 _PER_BIT: Final = decibels(2)
 
 
@@ -277,7 +277,6 @@ SENSORS: Final = (
 )  # fmt: skip
 """Default sensors of a budget."""
 
-_TYPICAL: Final = "assumed: power, and a signal-to-noise ratio of a sine of full scale of "
 CONVERTERS: Final = (
     ConverterPart("8-bit", Converter(8, 2, 1e-3, 40e6), 0.05, None, "assumed"),
     ConverterPart("12-bit", Converter(12, 2, 174e-6, 60e6), 0.2, None, _TYPICAL + "70 dB"),

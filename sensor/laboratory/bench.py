@@ -19,11 +19,11 @@ from cosim.plan.effects import Effect
 from sensor.frame_pixels import Exposed
 
 Values = npt.NDArray[np.float64]
-
-
 LEAST_VARIANCE = 0.24
 """DN^2 in the dark below which rounding hides the noise (EMVA 1288): 0.4^2 and 1/12."""
 DEAF = "these pixels must respond to light, and do not up to 1e15 photons"
+_FINE = np.linspace(0.78, 1.12, 18)
+"""Levels about saturation, in what `find_saturation` found: the variance's peak is sought there."""
 
 
 class Pixels(Protocol):
@@ -193,10 +193,6 @@ class Bench:
             else:
                 high = middle
         return high
-
-
-_FINE = np.linspace(0.78, 1.12, 18)
-"""Levels about saturation, in what `find_saturation` found: the variance's peak is sought there."""
 
 
 def take_levels(bench: Bench) -> Iterator[Stack]:

@@ -1,13 +1,10 @@
 """Spike cameras that the laboratory measures, each with its bench; other cameras bring their own.
 
-Each is a part of its chip, large enough for spatial variances of some per cent.
-
-This file also covers a latched spike camera whose digital number is the count of spikes in an
-exposure.
-
-An exposure begins at any instant between two spikes: each frame is a run of its own, with a random
-phase. The count is then the number of electrons over the threshold, with the error of both ends of
-the window, 1/6 DN^2 (two rounding errors of variance 1/12).
+Each is a part of its chip, large enough for spatial variances of some per cent. The digital number
+of a latched spike camera is the count of spikes in an exposure. An exposure begins at any instant
+between two spikes: each frame is a run of its own, with a random phase. The count is then the
+number of electrons over the threshold, with the error of both ends of the window, 1/6 DN^2 (two
+rounding errors of variance 1/12).
 """
 
 from __future__ import annotations
@@ -35,6 +32,31 @@ _BLOCK = 2048
 """Cycles that are simulated at once."""
 _ODD = 2654435761
 """2^32 over the golden ratio, odd: seeds of one run's frames do not meet those of another's."""
+_COUNTS = (
+    "the digital number is the number of spikes in an exposure of 50 ms; a spike is 1000 electrons",
+    "imperfections of the preset silicon, assumed; defect pixels are left out",
+    "dark current and DSNU are measured without the bias; the variance there is that of counting, "
+    "so mu_I,var is no dark current",
+    "the exposure begins at any instant between two spikes: of the dark noise, 1/6 DN^2 is the "
+    "count's error at both ends of the exposure",
+)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that the laboratory measures.
+
+    Attributes:
+        name: name on the command line.
+        title: title for people.
+        bench: makes its bench from the seed of the temporal noise.
+        notes: how its parameters are to be read.
+    """
+
+    name: str
+    title: str
+    bench: Callable[[int], Bench]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,15 +100,6 @@ class SpikeCounter:
         return np.minimum(count, 65535).astype(np.uint16)
 
 
-def _device() -> Device | None:
-    """The OpenCL device, which gives the bits of the compiled form in a third of its time; None on
-    a machine without one."""
-    try:
-        return shared_device(None)
-    except InputError:
-        return None
-
-
 def silicon_setting(chip: str, shape: tuple[int, int], threshold: float) -> CameraSetting:
     """A part of a chip with the imperfections of the preset silicon, defect pixels aside.
 
@@ -112,21 +125,13 @@ def silicon_setting(chip: str, shape: tuple[int, int], threshold: float) -> Came
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A camera that the laboratory measures.
-
-    Attributes:
-        name: name on the command line.
-        title: title for people.
-        bench: makes its bench from the seed of the temporal noise.
-        notes: how its parameters are to be read.
-    """
-
-    name: str
-    title: str
-    bench: Callable[[int], Bench]
-    notes: tuple[str, ...] = ()
+def _device() -> Device | None:
+    """The OpenCL device, which gives the bits of the compiled form in a third of its time; None on
+    a machine without one."""
+    try:
+        return shared_device(None)
+    except InputError:
+        return None
 
 
 def _spiking(chip: str) -> Callable[[int], Bench]:
@@ -142,14 +147,6 @@ def _spiking(chip: str) -> Callable[[int], Bench]:
     return bench
 
 
-_COUNTS = (
-    "the digital number is the number of spikes in an exposure of 50 ms; a spike is 1000 electrons",
-    "imperfections of the preset silicon, assumed; defect pixels are left out",
-    "dark current and DSNU are measured without the bias; the variance there is that of counting, "
-    "so mu_I,var is no dark current",
-    "the exposure begins at any instant between two spikes: of the dark noise, 1/6 DN^2 is the "
-    "count's error at both ends of the exposure",
-)
 SPIKE_CAMERAS: Final = {
     camera.name: camera
     for camera in (

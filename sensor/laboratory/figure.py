@@ -12,6 +12,12 @@ from sensor.laboratory.emva import Report
 from sensor.laboratory.laws import Laws
 
 _BLUE, _GREEN = "#2f5fa8", "#3a8f5c"
+_SEEN: Final = 0.002
+"""Least share of intervals that the figure has room for."""
+_MOST: Final = 200.0
+"""Largest excess of a pixel that the histogram has a place of its own for, %."""
+_BINS: Final = 120
+"""Bins of the histogram."""
 
 
 def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "png") -> None:
@@ -68,14 +74,6 @@ def photon_transfer_figure(report: Report, name: str, path: Path, form: str = "p
     )  # fmt: skip
     figure.tight_layout()
     figure.savefig(path, dpi=110, format=form)
-
-
-_SEEN: Final = 0.002
-"""Least share of intervals that the figure has room for."""
-_MOST: Final = 200.0
-"""Largest excess of a pixel that the histogram has a place of its own for, %."""
-_BINS: Final = 120
-"""Bins of the histogram."""
 
 
 def laws_figure(laws: Laws, title: str, path: Path, kind: str) -> None:

@@ -1,7 +1,5 @@
 """Photon transfer: gain from the slope of variance over mean, responsivity from that of mean over
-photons, saturation where the variance turns.
-
-This file also covers a measured number with its uncertainty, pixel by pixel, through every formula.
+photons, saturation where the variance turns, each with its uncertainty.
 
 Pixels are independent, and every figure of a photon transfer is a smooth function of means over
 them. So each figure carries its influence: a number a pixel, of mean zero, whose mean over the
@@ -25,11 +23,85 @@ from sensor.laboratory.bench import Bench, Stack, take_levels
 Values = npt.NDArray[np.float64]
 
 
-def deviations(level: float) -> float:
-    """Standard deviations to either side of a normal law that hold this share: 2.576 for 0.99."""
-    from scipy.special import ndtri
+@dataclass(frozen=True, eq=False)
+class PhotonTransfer:
+    """The photon transfer curve.
 
-    return float(ndtri((1 + level) / 2))
+    Attributes:
+        dark: stack under the bias alone.
+        levels: stacks under rising light, to past saturation.
+        saturation: number of the level with the largest variance.
+        gain: K, DN/e.
+        responsivity: DN/photon.
+        bits: bits of a value.
+        linear: share of saturation up to which slopes are fitted.
+    """
+
+    dark: Stack
+    levels: tuple[Stack, ...]
+    saturation: int
+    gain: Estimate
+    responsivity: Estimate
+    bits: int
+    linear: float
+
+    @property
+    def saturated_photons(self) -> float:
+        """Photons at saturation."""
+        return self.levels[self.saturation].photons
+
+    @property
+    def saturated_between(self) -> tuple[float, float]:
+        """Photons of the levels on either side: where the peak must lie."""
+        around = [self.levels[n].photons for n in (self.saturation - 1, self.saturation + 1)]
+        return around[0], around[1]
+
+    @property
+    def fitted(self) -> tuple[Stack, ...]:
+        """Levels that slopes are fitted to."""
+        end = self.linear * self.saturated_photons
+        return tuple(level for level in self.levels if level.photons <= end)
+
+    def curve(self) -> dict[str, list[float]]:
+        """For a figure: of every level, photons, mean less dark (DN), temporal variance less dark
+        (DN^2), spatial deviation (DN)."""
+        dark, noise = float(self.dark.mean.mean()), float(self.dark.variance.mean())
+        return {
+            "photons": [s.photons for s in self.levels],
+            "mean": [float(s.mean.mean()) - dark for s in self.levels],
+            "variance": [float(s.variance.mean()) - noise for s in self.levels],
+            "spatial": [float(np.sqrt(max(s.spatial.mean(), 0))) for s in self.levels],
+        }
+
+
+def measure_transfer(bench: Bench) -> PhotonTransfer:
+    """Takes the frames and fits both slopes, each level weighted by the inverse of its variance:
+    variances of variances go with their square, means with the variance itself."""
+    dark = bench.dark(bench.seconds)
+    levels = tuple(take_levels(bench))
+    noise = [float(s.variance.mean()) for s in levels]
+    # Not the last level: only a neighbour beyond shows that the variance has turned.
+    peak = int(np.argmax(noise[1:-1])) + 1
+    end = bench.linear * levels[peak].photons
+    used = [n for n, level in enumerate(levels) if level.photons <= end]
+    mean = [Estimate.mean(levels[n].mean - dark.mean) for n in used]
+    variance = [Estimate.mean(levels[n].variance - dark.variance) for n in used]
+    photons = [Estimate(levels[n].photons - dark.photons, np.zeros_like(dark.mean)) for n in used]
+    gain = slope_through_zero(mean, variance, [1 / noise[n] ** 2 for n in used])
+    response = slope_through_zero(photons, mean, [1 / noise[n] for n in used])
+    return PhotonTransfer(dark, levels, peak, gain, response, bench.pixels.bits, bench.linear)
+
+
+def slope_through_zero(x: list[Estimate], y: list[Estimate], weight: list[float]) -> Estimate:
+    """Weighted slope of y over x through zero, with errors of both."""
+    total = sum(w * a.value**2 for w, a in zip(weight, x, strict=True))
+    share = [w * a.value / total for w, a in zip(weight, x, strict=True)]
+    slope = sum(s * b.value for s, b in zip(share, y, strict=True))
+    influence = sum(
+        (s * (b.influence - slope * a.influence) for s, a, b in zip(share, x, y, strict=True)),
+        np.zeros_like(x[0].influence),
+    )
+    return Estimate(float(slope), influence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,82 +165,8 @@ class Estimate:
         return self * (1 / other)
 
 
-@dataclass(frozen=True, eq=False)
-class PhotonTransfer:
-    """The photon transfer curve.
+def deviations(level: float) -> float:
+    """Standard deviations to either side of a normal law that hold this share: 2.576 for 0.99."""
+    from scipy.special import ndtri
 
-    Attributes:
-        dark: stack under the bias alone.
-        levels: stacks under rising light, to past saturation.
-        saturation: number of the level with the largest variance.
-        gain: K, DN/e.
-        responsivity: DN/photon.
-        bits: bits of a value.
-        linear: share of saturation up to which slopes are fitted.
-    """
-
-    dark: Stack
-    levels: tuple[Stack, ...]
-    saturation: int
-    gain: Estimate
-    responsivity: Estimate
-    bits: int
-    linear: float
-
-    @property
-    def saturated_photons(self) -> float:
-        """Photons at saturation."""
-        return self.levels[self.saturation].photons
-
-    @property
-    def saturated_between(self) -> tuple[float, float]:
-        """Photons of the levels on either side: where the peak must lie."""
-        around = [self.levels[n].photons for n in (self.saturation - 1, self.saturation + 1)]
-        return around[0], around[1]
-
-    @property
-    def fitted(self) -> tuple[Stack, ...]:
-        """Levels that slopes are fitted to."""
-        end = self.linear * self.saturated_photons
-        return tuple(level for level in self.levels if level.photons <= end)
-
-    def curve(self) -> dict[str, list[float]]:
-        """For a figure: of every level, photons, mean less dark (DN), temporal variance less dark
-        (DN^2), spatial deviation (DN)."""
-        dark, noise = float(self.dark.mean.mean()), float(self.dark.variance.mean())
-        return {
-            "photons": [s.photons for s in self.levels],
-            "mean": [float(s.mean.mean()) - dark for s in self.levels],
-            "variance": [float(s.variance.mean()) - noise for s in self.levels],
-            "spatial": [float(np.sqrt(max(s.spatial.mean(), 0))) for s in self.levels],
-        }
-
-
-def slope_through_zero(x: list[Estimate], y: list[Estimate], weight: list[float]) -> Estimate:
-    """Weighted slope of y over x through zero, with errors of both."""
-    total = sum(w * a.value**2 for w, a in zip(weight, x, strict=True))
-    share = [w * a.value / total for w, a in zip(weight, x, strict=True)]
-    slope = sum(s * b.value for s, b in zip(share, y, strict=True))
-    influence = sum(
-        (s * (b.influence - slope * a.influence) for s, a, b in zip(share, x, y, strict=True)),
-        np.zeros_like(x[0].influence),
-    )
-    return Estimate(float(slope), influence)
-
-
-def measure_transfer(bench: Bench) -> PhotonTransfer:
-    """Takes the frames and fits both slopes, each level weighted by the inverse of its variance:
-    variances of variances go with their square, means with the variance itself."""
-    dark = bench.dark(bench.seconds)
-    levels = tuple(take_levels(bench))
-    noise = [float(s.variance.mean()) for s in levels]
-    # Not the last level: only a neighbour beyond shows that the variance has turned.
-    peak = int(np.argmax(noise[1:-1])) + 1
-    end = bench.linear * levels[peak].photons
-    used = [n for n, level in enumerate(levels) if level.photons <= end]
-    mean = [Estimate.mean(levels[n].mean - dark.mean) for n in used]
-    variance = [Estimate.mean(levels[n].variance - dark.variance) for n in used]
-    photons = [Estimate(levels[n].photons - dark.photons, np.zeros_like(dark.mean)) for n in used]
-    gain = slope_through_zero(mean, variance, [1 / noise[n] ** 2 for n in used])
-    response = slope_through_zero(photons, mean, [1 / noise[n] for n in used])
-    return PhotonTransfer(dark, levels, peak, gain, response, bench.pixels.bits, bench.linear)
+    return float(ndtri((1 + level) / 2))

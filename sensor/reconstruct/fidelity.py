@@ -20,6 +20,7 @@ from cosim.run.result import Metric
 LEAST_RATE = 1e-30
 """Least spike rate of white, per cycle: smaller numbers leave float32."""
 Estimate = npt.NDArray[np.float64]
+_NO_FIDELITY: Final = "no image has its whole window in the run, or images are below 11 x 11 pixels"
 
 
 class Imaged(Protocol):
@@ -54,9 +55,6 @@ def ssim(image: Estimate, truth: Plane) -> float:
     if min(image.shape) < 11:
         return math.nan
     return inside_mean(Likeness(truth).map(image))
-
-
-_NO_FIDELITY: Final = "no image has its whole window in the run, or images are below 11 x 11 pixels"
 
 
 def judge(shots: Sequence[Imaged], methods: Sequence[str]) -> dict[str, Metric]:

@@ -2,9 +2,9 @@
 
 TFP of a long window has little noise and much motion blur. Here a window is cut into parts of few
 cycles. Each part is shifted to where its content is at the instant, and the mean is taken of the
-shifted parts. The motion is the dense optical flow (DIS, Kroeger et al., ECCV 2016) from a coarse
-TFP image at the instant to one before and one after it, which are a third of the window apart and
-as long. Within half a window velocities are taken as constant.
+shifted parts. The motion is the dense optical flow (DIS, Kroeger et al., ECCV 2016, of OpenCV) from
+a coarse TFP image at the instant to one before and one after it, which are a third of the window
+apart and as long. Within half a window velocities are taken as constant.
 
 The flow of a pixel into a half of the window is refused where it leaves the image, and where the
 way there (forward flow), or there and back (and backward flow), ends at another brightness than it
@@ -13,9 +13,6 @@ surface a flow is not determined and not needed, so brightness decides and not t
 has the halves that are not refused; one with none has the coarse image, a plain window.
 
 All pixels must have the same colour filter, since the shifts mix neighbours.
-
-This file also covers dense optical flow between two images of a scene (DIS, Kroeger et al., ECCV
-2016, of OpenCV).
 """
 
 from __future__ import annotations
@@ -33,32 +30,10 @@ from sensor.reconstruct.playback import tfp, tfp_span
 Grey = npt.NDArray[np.uint8]
 Rate = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
-
 SMOOTH: Final = 0.8
 """Standard deviation of the Gaussian filter before the flow, pixels."""
 LEAST: Final = 12
 """Pixels of the shorter side that the flow takes."""
-
-
-def flow_grey(rate: npt.NDArray[np.float32], white: float, smooth: float = SMOOTH) -> Grey:
-    """A smooth image of 8 bits for the flow, (H, W); `white` becomes 255."""
-    import cv2
-
-    blurred = cv2.GaussianBlur(rate, (0, 0), smooth)
-    return np.rint(255 * np.clip(blurred / white, 0, 1)).astype(np.uint8)
-
-
-def optical_flow(first: Grey, second: Grey) -> npt.NDArray[np.float32]:
-    """Motion from each pixel of the first image to the second, (H, W, 2) of columns and rows,
-    pixels."""
-    import cv2
-
-    vision: Any = cv2  # its types lack this
-    dis = vision.DISOpticalFlow_create(vision.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    dis.setFinestScale(0)  # every pixel; the preset's 1 costs up to 3 dB on fine detail
-    return np.asarray(dis.calc(first, second, None), np.float32)
-
-
 ALIGNED: Final = 201
 """Cycles of a window by default."""
 PART: Final = 3
@@ -139,6 +114,15 @@ def motion_tfp(stream: SpikeStream, at: int, window: int = ALIGNED) -> Aligned:
     return Aligned(rate, plain, taken == 1)
 
 
+def _excerpt(stream: SpikeStream, first: int, stop: int) -> tuple[Viform, int]:
+    """The part of a stream that holds these cycles, in memory, and its first cycle."""
+    low = max(first, 0) // WORD
+    high = words_for(min(stop, stream.cycles))
+    words = np.asarray(stream.read_words(low, high))
+    cycles = min(high * WORD, stream.cycles) - low * WORD
+    return Viform(words, cycles, stream.clock), low * WORD
+
+
 def _flow(seen: Grey, other: Grey, here: Rate) -> tuple[Rate, Mask]:
     """Optical flow from one image to another, (H, W, 2) of columns and rows in pixels, and where it
     is not refused, (H, W). here: (H, W, 2), column and row of each pixel."""
@@ -151,6 +135,25 @@ def _flow(seen: Grey, other: Grey, here: Rate) -> tuple[Rate, Mask]:
     return flow, good
 
 
+def flow_grey(rate: npt.NDArray[np.float32], white: float, smooth: float = SMOOTH) -> Grey:
+    """A smooth image of 8 bits for the flow, (H, W); `white` becomes 255."""
+    import cv2
+
+    blurred = cv2.GaussianBlur(rate, (0, 0), smooth)
+    return np.rint(255 * np.clip(blurred / white, 0, 1)).astype(np.uint8)
+
+
+def optical_flow(first: Grey, second: Grey) -> npt.NDArray[np.float32]:
+    """Motion from each pixel of the first image to the second, (H, W, 2) of columns and rows,
+    pixels."""
+    import cv2
+
+    vision: Any = cv2  # its types lack this
+    dis = vision.DISOpticalFlow_create(vision.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    dis.setFinestScale(0)  # every pixel; the preset's 1 costs up to 3 dB on fine detail
+    return np.asarray(dis.calc(first, second, None), np.float32)
+
+
 def _sample(image: Rate, place: Rate) -> Rate:
     """An image at places (H, W, 2) of columns and rows, by cubic interpolation; linear costs
     1 dB."""
@@ -159,12 +162,3 @@ def _sample(image: Rate, place: Rate) -> Rate:
     rows: Any = None  # they are in `place`
     moved = cv2.remap(image, place, rows, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(moved, np.float32)
-
-
-def _excerpt(stream: SpikeStream, first: int, stop: int) -> tuple[Viform, int]:
-    """The part of a stream that holds these cycles, in memory, and its first cycle."""
-    low = max(first, 0) // WORD
-    high = words_for(min(stop, stream.cycles))
-    words = np.asarray(stream.read_words(low, high))
-    cycles = min(high * WORD, stream.cycles) - low * WORD
-    return Viform(words, cycles, stream.clock), low * WORD

@@ -19,6 +19,9 @@ from sensor.latched.writes import Write
 
 _NUMBERS: Final = ("width", "height", "pitch", "fill_factor", "quantum_efficiency")
 _ROUNDING: Final = 1e-9
+LEVELS: Final = 16
+"""Threshold settings from outside (Huang 2022 section 6), on either chip."""
+_MOST: Final = 1000
 
 
 def own_chip(section: Any) -> Chip:
@@ -84,11 +87,6 @@ def _check_rows(section: Any, chip: Chip) -> None:
             "sensor.row_skew", f"absent with sensor.row_time, which states {skew:g}",
             f"{section.row_skew:g}", "leave one of the two out",
         )  # fmt: skip
-
-
-LEVELS: Final = 16
-"""Threshold settings from outside (Huang 2022 section 6), on either chip."""
-_MOST: Final = 1000
 
 
 class WriteSection(Section):

@@ -1,9 +1,6 @@
-"""The [sensor] section: the chip, how it is run, its lens and its device.
-
-This file also covers [sensor.colour]: the filter array of a chip.
-
-This file also covers [sensor.sub_threshold] and sensor.dark_limit: dim light (Huang 2022, 4.4 and
-4.5).
+"""The [sensor] section with those below it: the chip, how it is run, its lens, its device, its
+filter array (`colour`) and its reading of dim light (`sub_threshold` and the key `dark_limit`;
+Huang 2022, 4.4 and 4.5).
 """
 
 from __future__ import annotations
@@ -22,6 +19,20 @@ from sensor.sections.own_chip import LEVELS, Writes, check_chip, check_writes, o
 from sensor.sections.preset_file import with_preset
 from sensor.sections.unlatched import AsynchronousSection, ChannelSection, ContinuousSection, Side
 
+_DARK: Final = "dark current"
+SPIKING = tuple(
+    name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.pixels
+)
+"""Faults that only a pixel which spikes has."""
+DUPLICATED = ((0, 2), (1, 3))
+"""Duplicated rows of SpikeOne under the preset `silicon`, as in a recording of a 400 x 250 chip."""
+Pitch = Annotated[float, Quantity("length", above=0, most=1000)]
+Part = Annotated[float, Field(gt=0, le=1)]
+_OWN = "{}; the preset's number when absent"
+_NEEDS = {name: key.needs for name, key in all_keys() if key.needs is not None}
+"""Keys of [sensor.pattern] that depend on another one."""
+_KEYS = [item for effect in CATALOGUE for item in effect.keys.items()]
+
 
 class ColourSection(Section):
     """Colour filters on the pixels. Neither chip has any: their curves are assumed."""
@@ -35,9 +46,6 @@ class ColourSection(Section):
         description="depth of the silicon that collects charge; with its absorption it is the "
         "quantum efficiency by wavelength",
     )
-
-
-_DARK: Final = "dark current"
 
 
 class _DarkLimit(Quantity):
@@ -69,17 +77,6 @@ class SubThresholdSection(Section):
     levels: Annotated[int, Field(ge=1, le=65535)] = Field(
         default=100, description="N of a reading, floor(N charge / threshold)"
     )
-
-
-SPIKING = tuple(
-    name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.pixels
-)
-"""Faults that only a pixel which spikes has."""
-DUPLICATED = ((0, 2), (1, 3))
-"""Duplicated rows of SpikeOne under the preset `silicon`, as in a recording of a 400 x 250 chip."""
-Pitch = Annotated[float, Quantity("length", above=0, most=1000)]
-Part = Annotated[float, Field(gt=0, le=1)]
-_OWN = "{}; the preset's number when absent"
 
 
 class LensSection(Section):
@@ -127,10 +124,6 @@ class PatternSection(_Pattern):
                     f"write --set sensor.pattern.{needs}='{example}', or leave {name} out",
                 )  # fmt: skip
         return self
-
-
-_NEEDS = {name: key.needs for name, key in all_keys() if key.needs is not None}
-"""Keys of [sensor.pattern] that depend on another one."""
 
 
 class _ChipSection(Section):
@@ -201,7 +194,6 @@ class _ChipSection(Section):
     )
 
 
-_KEYS = [item for effect in CATALOGUE for item in effect.keys.items()]
 _Pixel: Any = _extended("_Pixel", _ChipSection, [i for i in _KEYS if not i[1].section])
 
 

@@ -9,6 +9,8 @@ from pydantic import Field
 from cosim.config.quantity import Duration, Frequency, Quantity, Section, Time
 
 Side = Annotated[int, Field(ge=1, le=65535)]
+TimeConstant = Annotated[float, Quantity("time", above=0, most=1)]
+Threshold = Annotated[float, Quantity("current", above=0, most=1e12)]
 
 
 class AsynchronousSection(Section):
@@ -62,10 +64,6 @@ class ChannelSection(Section):
         description="place where t is taken: at the pixel, or as it leaves the channel; what "
         "leaves it after the run's end is then left out",
     )
-
-
-TimeConstant = Annotated[float, Quantity("time", above=0, most=1)]
-Threshold = Annotated[float, Quantity("current", above=0, most=1e12)]
 
 
 class ContinuousSection(Section):

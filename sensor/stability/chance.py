@@ -18,7 +18,7 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels
-from sensor.device.chips import ktc_electrons
+from sensor.circuit.circuit import ktc_electrons
 from sensor.latched.effects import RESIDUAL, SHOT_NOISE
 from sensor.latched.pixel.charge import ONE, Span
 from sensor.latched.pixel.model import ExactModel, PixelState

@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.run.case import Case
-from sensor.circuit.circuit import Circuit
+from sensor.circuit.circuit import ELEMENTARY_CHARGE, Circuit
 from sensor.circuit.phases import spike_train
-from sensor.device.chips import ELEMENTARY_CHARGE
 
 Values = npt.NDArray[np.float64]
 Train = Callable[[Circuit, Values, Values, Values, Values], Values]

@@ -18,8 +18,8 @@ from numba import njit
 from cosim.plan.error import DEVIATIONS
 from sensor.asynchronous.model import EventModel
 from sensor.asynchronous.pixel.closed import width_law
-from sensor.asynchronous.pixel.gamma import LEAST, RARE, stretch
 from sensor.asynchronous.pixel.reference import exact_thresholds
+from sensor.asynchronous.pixel.stretches import LEAST, RARE, stretch
 
 _SPARE: Final = 64
 """Thresholds drawn beyond those needed, for those that would have been sent."""

@@ -6,12 +6,10 @@ below threshold (Poisson law between two numbers of electrons), or silence (fewe
 by the end: P(N < Q)). All pixels count, so that a target of which few pixels fire is not estimated
 from these alone.
 
-This file also covers the logarithms of the Gamma law's tails, however far out: a likelihood that is
-cut off has no peak.
-
-scipy's tails underflow 37 standard deviations away, and the first look at a likelihood lies
-thousands away. There the continued fractions converge within some tens of terms: 8.9.2 of the NIST
-Digital Library of Mathematical Functions above, 8.9.1 below.
+A likelihood that is cut off has no peak, so the Gamma law's tails are computed as logarithms,
+however far out. scipy's tails underflow 37 standard deviations away, and the first look at a
+likelihood lies thousands away. There the continued fractions converge within some tens of terms:
+8.9.2 of the NIST Digital Library of Mathematical Functions above, 8.9.1 below.
 """
 
 from __future__ import annotations
@@ -29,94 +27,11 @@ from sensor.asynchronous.model import EventModel
 
 Reals = npt.NDArray[np.float64]
 Rates = npt.NDArray[np.float64]
-
 _DEEP = 1e-250
 """Tail below which the continued fraction takes over."""
 _TERMS = 1000
 _EPS = 1e-14
-
 Term = Callable[[int], tuple[Reals | float, Reals | float]]
-
-
-def _fraction(first: Reals, term: Term) -> Reals:
-    """first + a1/(b1 + a2/(b2 + ...)), term(i) = (a_i, b_i); modified Lentz."""
-    value = first.copy()
-    c, d = first.copy(), np.zeros(first.shape)
-    for i in range(1, _TERMS):
-        a, b = term(i)
-        d = 1.0 / (b + a * d)
-        c = b + a / c
-        step = c * d
-        value *= step
-        if (np.abs(step - 1.0) < _EPS).all():
-            break
-    return value
-
-
-def _far_upper(q: float, x: Reals) -> Reals:
-    whole = _fraction(x + 1.0 - q, lambda i: (i * (q - i), x + (2 * i + 1) - q))
-    return q * np.log(x) - x - math.lgamma(q) - np.log(whole)
-
-
-def _far_lower(q: float, x: Reals) -> Reals:
-    def term(i: int) -> tuple[Reals, float]:
-        return (-(q + i // 2) * x if i % 2 else (i // 2) * x), q + i
-
-    # The fraction of 8.9.1 times q.
-    whole = _fraction(np.full(x.shape, q), term)
-    return q * np.log(x) - x - math.lgamma(q) - np.log(whole)
-
-
-def _log_tail(q: float, x: Reals, near: Reals, far: Callable[[float, Reals], Reals]) -> Reals:
-    deep = (near < _DEEP) & (x > 0)
-    result = np.full(x.shape, -np.inf)
-    np.log(near, out=result, where=~deep & (near > 0))
-    if deep.any():
-        result[deep] = far(q, x[deep])
-    return result
-
-
-def log_upper(q: float, x: Reals) -> Reals:
-    """log P(Gamma(q) > x) = log P(Poisson(x) < q), x >= 0 finite, any shape."""
-    from scipy.special import gammaincc
-
-    return _log_tail(q, x, gammaincc(q, x), _far_upper)
-
-
-def log_lower(q: float, x: Reals) -> Reals:
-    """log P(Gamma(q) <= x) = log P(Poisson(x) >= q); minus infinity at 0."""
-    from scipy.special import gammainc
-
-    return _log_tail(q, x, gammainc(q, x), _far_lower)
-
-
-def _less(large: Reals, small: Reals) -> Reals:
-    """log(exp(large) - exp(small)). Equal to the last digit counts as that digit."""
-    return large + np.log(np.maximum(-np.expm1(np.minimum(small - large, 0.0)), 1e-16))
-
-
-def log_between(q: float, a: Reals, b: Reals) -> Reals:
-    """log P(a < Gamma(q) <= b), 0 <= a < b: the difference of the smaller tails."""
-    result = np.empty(a.shape)
-    up = a > q
-    result[up] = _less(log_upper(q, a[up]), log_upper(q, b[up]))
-    down = ~up
-    result[down] = _less(log_lower(q, b[down]), log_lower(q, a[down]))
-    return result
-
-
-def log_counts(mean: Reals, least: int, most: int) -> Reals:
-    """log P(least <= Poisson(mean) <= most), mean > 0."""
-    if least == 0:
-        return log_upper(most + 1.0, mean)
-    result = np.empty(mean.shape)
-    up = mean < least
-    result[up] = _less(log_lower(float(least), mean[up]), log_lower(most + 1.0, mean[up]))
-    down = ~up
-    result[down] = _less(log_upper(most + 1.0, mean[down]), log_upper(float(least), mean[down]))
-    return result
-
-
 _NARROW = 1e-3
 """Tick over standard deviation of a width below which a tick's probability is density x tick; that
 is off by its square over 24."""
@@ -156,36 +71,6 @@ class RateEstimate:
     rate: float
     low: float
     high: float
-
-
-def log_likelihood(model: EventModel, observed: Observed, rate: Rates) -> Rates:
-    """Log likelihood of rates > 0, electrons a second, up to a constant; finite and, in log rate,
-    concave: a threshold's logarithm has a concave log density, and counts cut to an interval vary
-    less than Poisson's."""
-    q, tick = float(model.threshold), model.tick
-    total = np.zeros(rate.shape)
-    ticks, times = np.unique(observed.widths, return_counts=True)
-    high = ticks * float(tick) - model.delay
-    held = (ticks - 1) * tick < model.shortest
-    narrow = ~held & (tick * math.sqrt(q) < _NARROW * high)
-    if narrow.any():
-        tau, n = (high[narrow] - tick / 2) / PS, times[narrow]
-        # Gamma's density at many widths: three sums say it all.
-        total += n.sum() * q * np.log(rate) - rate * float((n * tau).sum())
-    if not narrow.all():
-        top = high[~narrow] / PS
-        low = np.where(held, 0.0, np.maximum(high - tick, 0))[~narrow] / PS
-        total += log_between(q, rate[:, None] * low, rate[:, None] * top) @ times[~narrow]
-    if observed.silent:
-        total += observed.silent * log_upper(q, rate * (max(observed.waited - model.delay, 0) / PS))
-    levels, times = np.unique(observed.levels, return_counts=True)
-    mean = rate * (model.longest / PS)
-    for level, n in zip(levels.tolist(), times.tolist(), strict=True):
-        least, most = model.electrons(level)
-        if most < least:
-            raise ValueError(f"no whole number of electrons reads as level {level}")
-        total += n * log_counts(mean, least, most)
-    return total
 
 
 def estimate_rate(model: EventModel, observed: Observed) -> RateEstimate:
@@ -229,6 +114,36 @@ def estimate_rate(model: EventModel, observed: Observed) -> RateEstimate:
     return RateEstimate(rate, rate / spread, rate * spread)
 
 
+def log_likelihood(model: EventModel, observed: Observed, rate: Rates) -> Rates:
+    """Log likelihood of rates > 0, electrons a second, up to a constant; finite and, in log rate,
+    concave: a threshold's logarithm has a concave log density, and counts cut to an interval vary
+    less than Poisson's."""
+    q, tick = float(model.threshold), model.tick
+    total = np.zeros(rate.shape)
+    ticks, times = np.unique(observed.widths, return_counts=True)
+    high = ticks * float(tick) - model.delay
+    held = (ticks - 1) * tick < model.shortest
+    narrow = ~held & (tick * math.sqrt(q) < _NARROW * high)
+    if narrow.any():
+        tau, n = (high[narrow] - tick / 2) / PS, times[narrow]
+        # Gamma's density at many widths: three sums say it all.
+        total += n.sum() * q * np.log(rate) - rate * float((n * tau).sum())
+    if not narrow.all():
+        top = high[~narrow] / PS
+        low = np.where(held, 0.0, np.maximum(high - tick, 0))[~narrow] / PS
+        total += log_between(q, rate[:, None] * low, rate[:, None] * top) @ times[~narrow]
+    if observed.silent:
+        total += observed.silent * log_upper(q, rate * (max(observed.waited - model.delay, 0) / PS))
+    levels, times = np.unique(observed.levels, return_counts=True)
+    mean = rate * (model.longest / PS)
+    for level, n in zip(levels.tolist(), times.tolist(), strict=True):
+        least, most = model.electrons(level)
+        if most < least:
+            raise ValueError(f"no whole number of electrons reads as level {level}")
+        total += n * log_counts(mean, least, most)
+    return total
+
+
 def _fallen(loss: Callable[[float], float], top: float, away: float) -> float:
     """Where, from `top` towards `away`, the log-likelihood has fallen by half of DEVIATIONS^2."""
     from scipy.optimize import brentq
@@ -250,3 +165,82 @@ def mean_rate(model: EventModel, observed: Observed) -> float:
     """The plain way beside it: the mean of the pixels' own rates; NaN without any report."""
     rates = single_rates(model, observed)
     return float(rates.mean()) if rates.size else math.nan
+
+
+def log_counts(mean: Reals, least: int, most: int) -> Reals:
+    """log P(least <= Poisson(mean) <= most), mean > 0."""
+    if least == 0:
+        return log_upper(most + 1.0, mean)
+    result = np.empty(mean.shape)
+    up = mean < least
+    result[up] = _less(log_lower(float(least), mean[up]), log_lower(most + 1.0, mean[up]))
+    down = ~up
+    result[down] = _less(log_upper(most + 1.0, mean[down]), log_upper(float(least), mean[down]))
+    return result
+
+
+def log_between(q: float, a: Reals, b: Reals) -> Reals:
+    """log P(a < Gamma(q) <= b), 0 <= a < b: the difference of the smaller tails."""
+    result = np.empty(a.shape)
+    up = a > q
+    result[up] = _less(log_upper(q, a[up]), log_upper(q, b[up]))
+    down = ~up
+    result[down] = _less(log_lower(q, b[down]), log_lower(q, a[down]))
+    return result
+
+
+def log_upper(q: float, x: Reals) -> Reals:
+    """log P(Gamma(q) > x) = log P(Poisson(x) < q), x >= 0 finite, any shape."""
+    from scipy.special import gammaincc
+
+    return _log_tail(q, x, gammaincc(q, x), _far_upper)
+
+
+def log_lower(q: float, x: Reals) -> Reals:
+    """log P(Gamma(q) <= x) = log P(Poisson(x) >= q); minus infinity at 0."""
+    from scipy.special import gammainc
+
+    return _log_tail(q, x, gammainc(q, x), _far_lower)
+
+
+def _fraction(first: Reals, term: Term) -> Reals:
+    """first + a1/(b1 + a2/(b2 + ...)), term(i) = (a_i, b_i); modified Lentz."""
+    value = first.copy()
+    c, d = first.copy(), np.zeros(first.shape)
+    for i in range(1, _TERMS):
+        a, b = term(i)
+        d = 1.0 / (b + a * d)
+        c = b + a / c
+        step = c * d
+        value *= step
+        if (np.abs(step - 1.0) < _EPS).all():
+            break
+    return value
+
+
+def _far_upper(q: float, x: Reals) -> Reals:
+    whole = _fraction(x + 1.0 - q, lambda i: (i * (q - i), x + (2 * i + 1) - q))
+    return q * np.log(x) - x - math.lgamma(q) - np.log(whole)
+
+
+def _far_lower(q: float, x: Reals) -> Reals:
+    def term(i: int) -> tuple[Reals, float]:
+        return (-(q + i // 2) * x if i % 2 else (i // 2) * x), q + i
+
+    # The fraction of 8.9.1 times q.
+    whole = _fraction(np.full(x.shape, q), term)
+    return q * np.log(x) - x - math.lgamma(q) - np.log(whole)
+
+
+def _log_tail(q: float, x: Reals, near: Reals, far: Callable[[float, Reals], Reals]) -> Reals:
+    deep = (near < _DEEP) & (x > 0)
+    result = np.full(x.shape, -np.inf)
+    np.log(near, out=result, where=~deep & (near > 0))
+    if deep.any():
+        result[deep] = far(q, x[deep])
+    return result
+
+
+def _less(large: Reals, small: Reals) -> Reals:
+    """log(exp(large) - exp(small)). Equal to the last digit counts as that digit."""
+    return large + np.log(np.maximum(-np.expm1(np.minimum(small - large, 0.0)), 1e-16))

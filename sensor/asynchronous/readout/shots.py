@@ -1,6 +1,5 @@
-"""Images of events at chosen instants, with the truth of the scene.
-
-This file also covers images from events: TFI, one threshold over the width that holds the instant.
+"""Images of events at chosen instants, with the truth of the scene: TFI, one threshold over the
+width that holds the instant.
 """
 
 from __future__ import annotations
@@ -17,6 +16,35 @@ from sensor.asynchronous.model import EventModel, Firings, latched
 from sensor.reconstruct.fidelity import Estimate, to_white
 
 Instants = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class EventShot:
+    """One instant.
+
+    Attributes:
+        cycle: cycle of sensor.clock.
+        truth, tfi: reflectance, and its estimate from the event that holds the instant, white = 1,
+            (H, W).
+    """
+
+    cycle: int
+    truth: Plane
+    tfi: Estimate
+
+
+def take_event_shots(
+    events: Events, source: Source, clock: Clock, instants: list[int], model: EventModel,
+    white: float,
+) -> list[EventShot]:  # fmt: skip
+    """TFI of each instant beside the truth. white: electrons a second of white."""
+    shots = []
+    for cycle in instants:
+        middle = clock.middle(cycle)
+        tick = int(latched(np.array([middle]), model.tick)[0])
+        rate = rate_image(events, tick, model.threshold, model.delay / 1e12)
+        shots.append(EventShot(cycle, source.truth(middle), to_white(rate, white)))
+    return shots
 
 
 def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) -> np.ndarray:
@@ -51,35 +79,6 @@ def rate_image(events: Events, tick: int, threshold: float, delay: float = 0.0) 
         charge *= np.where(level == events.levels, 1.0, share)
     rate[known] = charge / np.maximum(seconds, 1e-15)
     return rate.reshape(height, width)
-
-
-@dataclass(frozen=True, eq=False)
-class EventShot:
-    """One instant.
-
-    Attributes:
-        cycle: cycle of sensor.clock.
-        truth, tfi: reflectance, and its estimate from the event that holds the instant, white = 1,
-            (H, W).
-    """
-
-    cycle: int
-    truth: Plane
-    tfi: Estimate
-
-
-def take_event_shots(
-    events: Events, source: Source, clock: Clock, instants: list[int], model: EventModel,
-    white: float,
-) -> list[EventShot]:  # fmt: skip
-    """TFI of each instant beside the truth. white: electrons a second of white."""
-    shots = []
-    for cycle in instants:
-        middle = clock.middle(cycle)
-        tick = int(latched(np.array([middle]), model.tick)[0])
-        rate = rate_image(events, tick, model.threshold, model.delay / 1e12)
-        shots.append(EventShot(cycle, source.truth(middle), to_white(rate, white)))
-    return shots
 
 
 def first_instants(sent: Firings) -> Instants:

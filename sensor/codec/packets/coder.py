@@ -20,6 +20,7 @@ from sensor.codec.packets.fill import steady
 from sensor.codec.packets.packet import Layer, Packet, Tiles
 
 Mask = npt.NDArray[np.bool_]
+COUNTERS = ("taken", "refused", "late", "damaged", "held", "missing")
 
 
 class StreamEncoder:
@@ -98,9 +99,6 @@ class StreamEncoder:
         """Goes on from a state."""
         self._words = state["words"].copy()
         self._first, self._held = (int(n) for n in state["place"])
-
-
-COUNTERS = ("taken", "refused", "late", "damaged", "held", "missing")
 
 
 @dataclass(frozen=True)

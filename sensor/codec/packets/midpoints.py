@@ -6,11 +6,9 @@ is expected halfway. At the ends, where a neighbour is missing, half the next sp
 Where the light of its block changes, halfway is a matter of the block's spikes, not of cycles, on
 the levels from _BENT on. A decoder that has stopped at a level spreads the spikes between alike.
 
-This file also covers the course of a block's spikes within a packet, compiled: how many there are
-up to a cycle.
-
-It is linear within each word of 32 cycles. Spikes of a pixel whose times are unknown are expected
-to lie evenly in this count, not in time.
+The course of a block says how many of its spikes there are up to a cycle. It is linear within each
+word of 32 cycles. Spikes of a pixel whose times are unknown are expected to lie evenly in this
+count, not in time.
 """
 
 from __future__ import annotations
@@ -34,6 +32,22 @@ SPAN_LEVEL = 2
 """Level of the sums whose course is known, blocks of 2^2 x 2^2 pixels."""
 ONE = 16
 """Binary places of a count of spikes."""
+_SIZES = 20
+_SIDES = 5
+_EDGES = 3 * 2 * _SIDES * _SIZES
+_CHANGING = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
+"""First context of the numbers in blocks that change."""
+TIME_CONTEXTS = _CHANGING + _SIZES * NUMBER
+_BENT = 4
+"""Level from which on the course of a block is followed: finer spans are within a few words."""
+_MOST = 512
+_LEVELS = 9
+WINDOW = 41
+"""Cycles of the window whose counts a gain is about: that of TFP in every report."""
+SCALE = 1 << 16
+"""Unit of gains."""
+MOST_DECISIONS = 24
+"""Decisions of a spike, at most: those of a number of 9 bits with a sign."""
 
 
 def course_of(
@@ -71,24 +85,6 @@ def time_of(course, spikes, cycles):  # type: ignore[no-untyped-def]
     return WORD * w + min(max(inside, 0), length - 1)
 
 
-_SIZES = 20
-_SIDES = 5
-_EDGES = 3 * 2 * _SIDES * _SIZES
-_CHANGING = (2 * _SIZES * _SIDES * _SIDES + _EDGES) * NUMBER
-"""First context of the numbers in blocks that change."""
-TIME_CONTEXTS = _CHANGING + _SIZES * NUMBER
-_BENT = 4
-"""Level from which on the course of a block is followed: finer spans are within a few words."""
-_MOST = 512
-_LEVELS = 9
-WINDOW = 41
-"""Cycles of the window whose counts a gain is about: that of TFP in every report."""
-SCALE = 1 << 16
-"""Unit of gains."""
-MOST_DECISIONS = 24
-"""Decisions of a spike, at most: those of a number of 9 bits with a sign."""
-
-
 def _classes() -> npt.NDArray[np.int64]:
     """Class of the mean interval: two for each octave."""
     mean = np.arange(1, _MOST + 2)
@@ -110,6 +106,7 @@ def _weights() -> npt.NDArray[np.int64]:
 
 
 _WEIGHT = _weights()
+
 _CLASS = np.concatenate([[0], _classes()]).astype(np.int64)
 
 

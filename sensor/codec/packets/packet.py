@@ -22,6 +22,15 @@ import fastcrc
 from cosim.spikes.viform import WORD, Words
 from sensor.codec.columns import Damaged
 
+MOST_CYCLES = 512
+"""Cycles of a packet, at most."""
+_HEAD = struct.Struct("<BBHII")
+_CRC = struct.Struct("<I")
+HEADER = _HEAD.size + _CRC.size
+"""Bytes before the data."""
+LENGTH = 4
+"""Bytes of the length of a packet, in files and in the frames of a link."""
+
 
 @dataclass(frozen=True)
 class Tiles:
@@ -65,10 +74,6 @@ class Tiles:
         return rows.stop - rows.start, columns.stop - columns.start
 
 
-MOST_CYCLES = 512
-"""Cycles of a packet, at most."""
-
-
 @dataclass(frozen=True)
 class Layer:
     """One layer of a tile.
@@ -101,14 +106,6 @@ class TileCode(Protocol):
     def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
         """(n, h, w) words of the first one or more layers. Raises Damaged for other bytes."""
         ...
-
-
-_HEAD = struct.Struct("<BBHII")
-_CRC = struct.Struct("<I")
-HEADER = _HEAD.size + _CRC.size
-"""Bytes before the data."""
-LENGTH = 4
-"""Bytes of the length of a packet, in files and in the frames of a link."""
 
 
 @dataclass(frozen=True)

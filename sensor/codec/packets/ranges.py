@@ -1,4 +1,4 @@
-"""An adaptive binary range coder, compiled.
+"""An adaptive binary range coder, compiled, for decisions and for whole numbers.
 
 A decision is one bit in a context. Its probability is learned while it is coded: the
 first decisions move it by 1/(n + 1.5), later ones by 1/`LIMIT`, so that encoder and decoder agree
@@ -8,19 +8,14 @@ The interval has 64 bits and gives up 32 at once when it is shorter than 2^32: o
 predicted branch. A carry goes back into words that are already written. All arithmetic is of whole
 numbers, so that every machine writes the same bits. A run of zeros at the end takes no bytes.
 
-This file also covers bits of words and numbers at an address, as single instructions in compiled
-code.
+A number is coded beside its expectation: whether it is equal, on which side it lies, and how far
+away, in Elias's gamma code, the exponent in unary. Each of these decisions has a context of its
+own, so that the shape of the law is learned, whatever it is, also where the expectation lies
+between two whole numbers.
 
 numba counts references to an array wherever inlined code takes a branch, which costs more than a
 decision of the range coder. So the inner loops take the addresses of arrays, whose life and size
-their caller guarantees.
-
-This file also covers whole numbers as decisions of the range coder, compiled.
-
-A number beside its expectation: whether it is equal, on which side it lies, and how far away, in
-Elias's gamma code, the exponent in unary. Each of these decisions has a context of its own, so that
-the shape of the law is learned, whatever it is, also where the expectation lies between two whole
-numbers.
+their caller guarantees, and read and write numbers there in single instructions.
 """
 
 from __future__ import annotations
@@ -34,6 +29,20 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 Model = npt.NDArray[np.uint32]
+FRESH = np.uint32(1 << 31)
+"""State of a context that has seen nothing: one half."""
+LIMIT = 250
+_CERTAIN = (1 << 22) - 1
+_RATE = (65536 / (np.arange(1024).clip(0, LIMIT) + 1.5)).astype(np.int64)
+_ONE = np.uint64(1)
+_LOW = np.uint64(0xFFFFFFFF)
+_HALF = np.uint64(32)
+_SHARE = np.uint64(16)
+NUMBER = 19
+"""Contexts of a number: equal, side, nearest on either side (2), exponent (9), mantissa (6)."""
+_EXPONENT, _MANTISSA = 4, 13
+_LARGEST = 24
+"""Exponent at which a number cannot be one of ours."""
 
 
 def _peek(kind: Any) -> Any:
@@ -70,8 +79,11 @@ def _poke(kind: Any) -> Any:
 
 
 peek16 = _peek(types.int16)
+
 peek32 = _peek(types.uint32)
+
 poke16 = _poke(types.int16)
+
 poke32 = _poke(types.uint32)
 
 
@@ -90,15 +102,6 @@ trailing_zeros: Any = _trailing_zeros
 
 
 """State of each context: probability of a zero, 22 bits, then the decisions seen, 10 bits."""
-FRESH = np.uint32(1 << 31)
-"""State of a context that has seen nothing: one half."""
-LIMIT = 250
-_CERTAIN = (1 << 22) - 1
-_RATE = (65536 / (np.arange(1024).clip(0, LIMIT) + 1.5)).astype(np.int64)
-_ONE = np.uint64(1)
-_LOW = np.uint64(0xFFFFFFFF)
-_HALF = np.uint64(32)
-_SHARE = np.uint64(16)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -197,13 +200,6 @@ def from_bytes(data: bytes) -> npt.NDArray[np.uint32]:
     """Words of `to_bytes`, at least two."""
     padded = data + bytes(max(8 - len(data), -len(data) % 4))
     return np.frombuffer(padded, ">u4").astype(np.uint32)
-
-
-NUMBER = 19
-"""Contexts of a number: equal, side, nearest on either side (2), exponent (9), mantissa (6)."""
-_EXPONENT, _MANTISSA = 4, 13
-_LARGEST = 24
-"""Exponent at which a number cannot be one of ours."""
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -9,9 +9,16 @@ from pydantic import Field
 
 from cosim.light.light import Light
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import USUAL, Sized
 from sensor.device.crosstalk import crosstalk_map
-from sensor.latched.effects.effect import ALL_PIXELS, Key, PixelEffect, Setting, crosstalk_cost
+from sensor.latched.effects.effect import (
+    ALL_PIXELS,
+    USUAL,
+    Key,
+    PixelEffect,
+    Setting,
+    Sized,
+    crosstalk_cost,
+)
 from sensor.latched.effects.windows import bound_of, shift_error
 
 

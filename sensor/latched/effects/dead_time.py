@@ -10,8 +10,14 @@ from pydantic import Field
 
 from cosim.config.quantity import Time
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import Sized
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, dead_time_cost
+from sensor.latched.effects.effect import (
+    Key,
+    Operation,
+    PixelEffect,
+    Setting,
+    Sized,
+    dead_time_cost,
+)
 from sensor.latched.effects.sampling import check_within_cycle
 from sensor.latched.effects.windows import bound_of, shift_error
 

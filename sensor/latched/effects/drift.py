@@ -21,8 +21,7 @@ from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from cosim.light.light import Light, Piece, Plane, Scaled
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import Sized
-from sensor.latched.effects.effect import Key, PixelEffect, Setting, crosstalk_cost
+from sensor.latched.effects.effect import Key, PixelEffect, Setting, Sized, crosstalk_cost
 from sensor.latched.effects.windows import bound_of, shift_error
 
 KNOT: Final = 512

@@ -4,12 +4,16 @@ An effect is one subclass of `PixelEffect` in one file, and one line in the cata
 the pixel through hooks. Every tier calls only the hooks of the effects that a plan keeps, so an
 effect that is left out costs nothing.
 
-This file also covers the costs of effects in nanoseconds a pixel-cycle, by which the planner
-decides what to leave out.
+By the costs, in nanoseconds a pixel-cycle, the planner decides what to leave out. They were
+measured by `viform bench sensor` on two cores at 2.5 GHz with AVX-512 under PoCL 3.1. The planner
+uses this table on every machine, so that a scenario gives the same bits everywhere. Predicted run
+times are measured on the device.
 
-They were measured by `viform bench sensor` on two cores at 2.5 GHz with AVX-512 under PoCL 3.1. The
-planner uses this table on every machine, so that a scenario gives the same bits everywhere.
-Predicted run times are measured on the device.
+`sensor.preset = "silicon"` gives an effect a size. Nothing is published of the faults of SpikeOne
+or SpikeTwo. The sizes are those of the one public calibration of a spike sensor (the simulator
+SCSim), of a public recording, of a patent and of the principle's paper; what none of them gives is
+a round number usual for CMOS. So all are assumed for the chips here, and each key says on what
+ground.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ from cosim.clock import Clock
 from cosim.compute.streams import Stream
 from cosim.light.light import Light
 from cosim.plan.effects import Bound, Effect, Summary
-from sensor.device.chips import Chip, Sized
+from sensor.device.chips import Chip
 from sensor.device.pattern import FixedPattern
 from sensor.latched.pixel.charge import Transfer
 
@@ -46,8 +50,6 @@ SAMPLING_PLANE: Final = 1.0
 """Row-wise sums in the cycle in which planes meet, a pixel of a new plane."""
 CROSSTALK_PLANE: Final = 8.0
 """Nine neighbours, a pixel of a new plane."""
-
-
 EXACT: Final = 6.0
 """A pixel-cycle of the exact tier, whatever its effects."""
 REFERENCE_CYCLE: Final = 4.0
@@ -58,54 +60,23 @@ REFERENCE_CIRCUIT: Final = 1000.0
 """The reference tier, a cycle of a pixel whose circuit it integrates."""
 REFERENCE_MOST: Final = 6.0
 """Most spikes a cycle that the reference simulates one by one."""
-
-
-def _rate(scene: Summary) -> Any:
-    """Approximate spikes a cycle."""
-    return (scene.darkest + scene.brightest) / 2 / scene.threshold
-
-
-def noise_cost(scene: Summary) -> Any:
-    """Cost of a threshold drawn for each spike."""
-    return NOISE_CYCLE + NOISE_SPIKE * _rate(scene)
-
-
-def bank_cost(scene: Summary) -> Any:
-    """Cost of a threshold for each spike from the bank, where that is cheaper than a draw."""
-    return np.minimum(noise_cost(scene), NOISE_CYCLE + NOISE_SPIKE * BANK_FROM)
-
-
-def dead_time_cost(scene: Summary) -> Any:
-    """Cost of charge lost at each spike."""
-    return 1e-3 + DEAD_SPIKE * _rate(scene)
-
-
-def pattern_cost(scene: Summary) -> Any:
-    """Cost of a gain and a dark current of each pixel."""
-    return 1e-6 + PATTERN_PLANE * scene.planes
-
-
-def sampling_cost(scene: Summary) -> Any:
-    """Cost of a sampling instant of each row."""
-    return 1e-6 + SAMPLING_PLANE * scene.planes
-
-
-def crosstalk_cost(scene: Summary) -> Any:
-    """Cost of the light of neighbours."""
-    return 1e-6 + CROSSTALK_PLANE * scene.planes
-
-
-def reference_cost(scene: Summary) -> Any:
-    """Cost of full physics."""
-    return REFERENCE_CYCLE + REFERENCE_SPIKE * np.minimum(_rate(scene), REFERENCE_MOST)
-
-
-def circuit_cost(scene: Summary) -> Any:
-    """Cost of a lumped circuit: it is part of sums that are computed anyway."""
-    return 1e-6
-
-
 ALL_PIXELS: Final = ("latched", "asynchronous", "continuous")
+USUAL: Final = "no source for a spike chip: a round number usual for CMOS image sensors"
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A size.
+
+    Attributes:
+        value: value in the unit of the key.
+        provenance: whether it was published for this chip.
+        source: source of the value.
+    """
+
+    value: float
+    provenance: Literal["published", "assumed"]
+    source: str
 
 
 class Dependence(NamedTuple):
@@ -310,3 +281,48 @@ class PixelEffect:
     def dead_time(self, setting: Setting) -> float:
         """Seconds after each spike during which light is lost."""
         return 0.0
+
+
+def _rate(scene: Summary) -> Any:
+    """Approximate spikes a cycle."""
+    return (scene.darkest + scene.brightest) / 2 / scene.threshold
+
+
+def noise_cost(scene: Summary) -> Any:
+    """Cost of a threshold drawn for each spike."""
+    return NOISE_CYCLE + NOISE_SPIKE * _rate(scene)
+
+
+def bank_cost(scene: Summary) -> Any:
+    """Cost of a threshold for each spike from the bank, where that is cheaper than a draw."""
+    return np.minimum(noise_cost(scene), NOISE_CYCLE + NOISE_SPIKE * BANK_FROM)
+
+
+def dead_time_cost(scene: Summary) -> Any:
+    """Cost of charge lost at each spike."""
+    return 1e-3 + DEAD_SPIKE * _rate(scene)
+
+
+def pattern_cost(scene: Summary) -> Any:
+    """Cost of a gain and a dark current of each pixel."""
+    return 1e-6 + PATTERN_PLANE * scene.planes
+
+
+def sampling_cost(scene: Summary) -> Any:
+    """Cost of a sampling instant of each row."""
+    return 1e-6 + SAMPLING_PLANE * scene.planes
+
+
+def crosstalk_cost(scene: Summary) -> Any:
+    """Cost of the light of neighbours."""
+    return 1e-6 + CROSSTALK_PLANE * scene.planes
+
+
+def reference_cost(scene: Summary) -> Any:
+    """Cost of full physics."""
+    return REFERENCE_CYCLE + REFERENCE_SPIKE * np.minimum(_rate(scene), REFERENCE_MOST)
+
+
+def circuit_cost(scene: Summary) -> Any:
+    """Cost of a lumped circuit: it is part of sums that are computed anyway."""
+    return 1e-6

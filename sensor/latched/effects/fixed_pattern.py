@@ -17,15 +17,16 @@ from pydantic import Field
 
 from cosim.config.quantity import Current, Share, Spread, Temperature
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import USUAL, Sized
 from sensor.device.pattern import DevicePattern, FixedPattern, dark_current
 from sensor.latched.effects.effect import (
     ALL_PIXELS,
+    USUAL,
     Dependence,
     Key,
     Operation,
     PixelEffect,
     Setting,
+    Sized,
     pattern_cost,
 )
 from sensor.latched.effects.windows import bound_of, light_contrast, shift_error

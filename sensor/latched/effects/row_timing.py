@@ -10,8 +10,7 @@ from pydantic import Field
 from cosim.compute.streams import Stream
 from cosim.config.quantity import Share
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import Sized
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, sampling_cost
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, Sized, sampling_cost
 from sensor.latched.effects.windows import bound_of, shift_error
 from sensor.latched.sampling import RowTiming
 

@@ -14,8 +14,15 @@ from cosim.config.amounts import at_most
 from cosim.config.quantity import Share, Time
 from cosim.errors import InputError
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import USUAL, Sized
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, sampling_cost
+from sensor.latched.effects.effect import (
+    USUAL,
+    Key,
+    Operation,
+    PixelEffect,
+    Setting,
+    Sized,
+    sampling_cost,
+)
 from sensor.latched.effects.windows import bound_of, shift_error
 from sensor.latched.sampling import row_delays
 

@@ -19,8 +19,8 @@ from cosim.config.amounts import at_most
 from cosim.config.quantity import Capacitance, Noise
 from cosim.errors import InputError
 from cosim.plan.effects import Bound, Summary
-from sensor.device.chips import Sized, ktc_electrons
-from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, noise_cost
+from sensor.circuit.circuit import ktc_electrons
+from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, Sized, noise_cost
 from sensor.latched.effects.windows import bound_of, noise_error, shift_error
 
 _ZERO_CELSIUS: Final = 273.15

@@ -28,6 +28,14 @@ MANTISSA_BITS: Final = 7
 _M: Final = 1 << MANTISSA_BITS
 KNOTS: Final = (31 - MANTISSA_BITS + 1) * _M + 1
 """Knots on each side of the median; the last is the median, y = 2^31."""
+_NODES: Final = 321
+"""Nodes of the trapezoid rule over +-8 standard deviations. For a smooth integrand its error falls
+faster than any power of their number."""
+_GRID: Final = 4001
+"""Grid points on which the distribution is inverted."""
+NO_TABLE: Charge = np.zeros(1, np.int64)
+"""Array in place of a table where no lookup occurs. It is read-only like the tables; otherwise
+numba would compile the loops a second time."""
 
 
 def knot_places() -> npt.NDArray[np.int64]:
@@ -35,13 +43,6 @@ def knot_places() -> npt.NDArray[np.int64]:
     octave = np.arange(31 - MANTISSA_BITS, dtype=np.int64)[:, None]
     upper = (_M + np.arange(_M, dtype=np.int64)[None, :]) << octave
     return np.concatenate([np.arange(_M), upper.ravel(), [1 << 31]])
-
-
-_NODES: Final = 321
-"""Nodes of the trapezoid rule over +-8 standard deviations. For a smooth integrand its error falls
-faster than any power of their number."""
-_GRID: Final = 4001
-"""Grid points on which the distribution is inverted."""
 
 
 def _noisy_quantiles(q: float, sigma: float, shot: bool) -> npt.NDArray[np.float64]:
@@ -114,9 +115,6 @@ def interval_table(q: float, sigma: float = 0.0, shot: bool = True) -> Charge:
     return table
 
 
-NO_TABLE: Charge = np.zeros(1, np.int64)
-"""Array in place of a table where no lookup occurs. It is read-only like the tables; otherwise
-numba would compile the loops a second time."""
 NO_TABLE.setflags(write=False)
 
 

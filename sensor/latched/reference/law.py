@@ -1,4 +1,4 @@
-"""The exact distribution of an interval's threshold in float64.
+"""The exact distribution of an interval's threshold in float64, and its error.
 
 All tiers take the quantile of the same random word. With shot noise alone the threshold is
 Gamma(Q), with threshold noise alone it is normal, and the sum of both has no inverse in closed form
@@ -9,11 +9,7 @@ upper end, as in the table of the exact tier (sensor/latched/pixel/interval.py),
 their digits. A draw evaluates a cubic in this probability, in cells of which each octave has as
 many: a normal score for each draw would take longer than all else in the loop of the reference.
 
-This file also covers special functions of scipy for compiled loops.
-
-They are called by address, so that numba can cache the compiled loops.
-
-This file also covers the error of the reference tier itself.
+Compiled loops call special functions of scipy by address, so that numba can cache these loops.
 """
 
 from __future__ import annotations
@@ -34,6 +30,140 @@ from cosim.compute.table_cache import cached_table
 from sensor.latched.setting import CameraSetting
 
 Values = npt.NDArray[np.float64]
+LEAST: Final = 2.0**-40
+"""Lowest threshold in electrons, as in the exact tier. It prevents an endless burst of spikes."""
+_FIXED, _GAMMA, _NORMAL, _TABLE = 0, 1, 2, 3
+_LEAST_TABLED: Final = 5.0
+"""Threshold in electrons below which Gamma(Q) is inverted for each draw. The lower tail of smaller
+thresholds spans many decades, in which a cubic would lose digits. At 5 and 20 000 electrons the
+table agrees with scipy's inverse to 2e-14 and 1e-15 of the threshold."""
+_SCORE: Final = 6.5
+"""Range of normal scores; those of 32-bit words end at 6.34."""
+_NODES: Final = 261
+"""Scores at which the sum of both noises is inverted; 3 times as many up to 10 electrons, where it
+is less linear."""
+_MISSED: Final = 1e-2
+"""Normal score by which no quantile may be off. They are off by 1e-8 at most where they were
+checked, and by 1e-3 where scipy's incomplete gamma function is (interval.py)."""
+_SHARED: Final = 9
+"""Bits of the probability that number the cells of an octave. A cubic in each cell adds an error of
+2e-13 standard deviations of the threshold at most."""
+_OCTAVES: Final = 32
+DRAWS = 256
+"""Number of thresholds that are compared with their distribution."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Distribution of a threshold, in the form that compiled loops take.
+
+    Attributes:
+        kind: 0 constant, 1 gamma, 2 normal, 3 tabulated: gamma, or sum of gamma and normal.
+        q: mean threshold, electrons.
+        sigma: threshold noise, electrons.
+        table: (2, cells, 4) coefficients of a cubic in each cell of the probability, counted from
+            the lower and from the upper end, for kind 3 only.
+        functions: (3,) int64, addresses of gammaincinv, gammainccinv and ndtri.
+    """
+
+    kind: int
+    q: float
+    sigma: float
+    table: Values
+    functions: npt.NDArray[np.int64]
+
+
+@lru_cache(maxsize=8)
+def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) -> Law:
+    """Distribution of G + Normal(0, sigma) + shift; G is Gamma(q) with shot noise, else the
+    constant q."""
+    functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
+    table = np.zeros((2, 0, 4))
+    if shot:
+        kind = _TABLE if sigma > 0 or shift or q >= _LEAST_TABLED else _GAMMA
+    else:
+        kind = _NORMAL if sigma > 0 else _FIXED
+    if kind == _TABLE:
+        table = _table(cached_table("law", (q, sigma), (__file__,), lambda: _edges(q, sigma)))
+        table[..., 0] += shift
+    return Law(kind, q + shift, sigma, table, functions)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def]
+    """Threshold in electrons of a random word below 2^32. Arguments: see `Law`."""
+    if kind == 0:
+        return max(q, 2.0**-40)
+    upper = word >> 31
+    near = 0xFFFFFFFF - word if upper else word
+    if kind == 3:
+        # 2^33 times the probability from the nearer end, as a float: its exponent and the next bits
+        # number the cell, and the others are the place in it.
+        bits = np.float64(2 * near + 1).view(np.int64)
+        cell = table[upper, (bits >> (52 - _SHARED)) - (1023 << _SHARED)]
+        u = (bits & ((1 << (52 - _SHARED)) - 1)) * 2.0 ** (_SHARED - 52)
+        return max(cell[0] + u * (cell[1] + u * (cell[2] + u * cell[3])), 2.0**-40)
+    p = (near + 0.5) * 2.0**-32
+    if kind == 1:
+        return max(call_two(functions[1 if upper else 0], q, p), 2.0**-40)
+    score = call_one(functions[2], p)
+    return max(q + sigma * (-score if upper else score), 2.0**-40)
+
+
+def draw_all(law: Law, words: npt.NDArray[np.uint32]) -> Values:
+    """Thresholds of random words, (n,) electrons."""
+    out = np.empty(words.size)
+    _all(law.kind, law.q, law.sigma, law.table, law.functions, words, out)
+    return out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _all(kind, q, sigma, table, functions, words, out):  # type: ignore[no-untyped-def]
+    for i in range(words.size):
+        out[i] = draw(kind, q, sigma, table, functions, np.int64(words[i]))
+
+
+def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
+    """Largest relative error of the thresholds of these words, plus one rounding.
+
+    For the sum of both noises the distribution is inverted at these words. The relative error of a
+    Gamma quantile is the next step of Newton's method, (F(x) - p) / (f(x) x), with F and p counted
+    from the nearer end.
+    """
+    from scipy.special import gammainc, gammaincc, gammaln, ndtri
+
+    rounding = float(np.finfo(np.float64).eps)
+    if law.kind not in (_GAMMA, _TABLE):
+        return rounding
+    words = np.sort(words)
+    x = draw_all(law, words)
+    below = (words + 0.5) * 2.0**-32
+    above = (0xFFFFFFFF - words.astype(np.int64) + 0.5) * 2.0**-32
+    if law.sigma > 0:
+        score = np.where(below < above, ndtri(below), -ndtri(above))
+        unique, first = np.unique(score, return_index=True)
+        off = x[first] / mixed_quantiles(law.q, law.sigma, unique) - 1
+    else:
+        density = np.exp((law.q - 1) * np.log(x) - x - gammaln(law.q))
+        near = below < above
+        missed = np.where(near, gammainc(law.q, x) - below, above - gammaincc(law.q, x))
+        off = missed / (density * x)
+    return float(np.abs(off).max()) + rounding
+
+
+def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
+    """Relative error of the reference tier.
+
+    It is the error of the first thresholds of these pixels against the inverse of their
+    distribution. Instants are in closed form and exact up to rounding.
+
+    Args:
+        setting: setting of the camera.
+        numbers: (n,) uint32, numbers of the pixels.
+    """
+    model = setting.model
+    words = philox4x32((numbers, 0, 0, 0), (setting.seed, Stream.SHOT_NOISE))[0]
+    return law_error(law_of(model.threshold, model.threshold_noise, model.shot), words)
 
 
 def address(name: str) -> np.int64:
@@ -68,29 +198,9 @@ def _two(typing, where, a, x):  # type: ignore[no-untyped-def]
 
 call_one: Any = intrinsic(_one)
 """call_one(address, x): f(x) of the function at the address."""
+
 call_two: Any = intrinsic(_two)
 """call_two(address, a, x): f(a, x) of the function at the address."""
-
-
-LEAST: Final = 2.0**-40
-"""Lowest threshold in electrons, as in the exact tier. It prevents an endless burst of spikes."""
-_FIXED, _GAMMA, _NORMAL, _TABLE = 0, 1, 2, 3
-_LEAST_TABLED: Final = 5.0
-"""Threshold in electrons below which Gamma(Q) is inverted for each draw. The lower tail of smaller
-thresholds spans many decades, in which a cubic would lose digits. At 5 and 20 000 electrons the
-table agrees with scipy's inverse to 2e-14 and 1e-15 of the threshold."""
-_SCORE: Final = 6.5
-"""Range of normal scores; those of 32-bit words end at 6.34."""
-_NODES: Final = 261
-"""Scores at which the sum of both noises is inverted; 3 times as many up to 10 electrons, where it
-is less linear."""
-_MISSED: Final = 1e-2
-"""Normal score by which no quantile may be off. They are off by 1e-8 at most where they were
-checked, and by 1e-3 where scipy's incomplete gamma function is (interval.py)."""
-_SHARED: Final = 9
-"""Bits of the probability that number the cells of an octave. A cubic in each cell adds an error of
-2e-13 standard deviations of the threshold at most."""
-_OCTAVES: Final = 32
 
 
 def _tails(below: Values, above: Values, small: npt.NDArray[np.bool_]) -> tuple[Values, Values]:
@@ -196,26 +306,6 @@ def _gamma_quantiles(q: float, score: Values) -> Values:
     return np.asarray(np.where(score < 0, below, gammainccinv(q, ndtr(-score))))
 
 
-@dataclass(frozen=True, eq=False)
-class Law:
-    """Distribution of a threshold, in the form that compiled loops take.
-
-    Attributes:
-        kind: 0 constant, 1 gamma, 2 normal, 3 tabulated: gamma, or sum of gamma and normal.
-        q: mean threshold, electrons.
-        sigma: threshold noise, electrons.
-        table: (2, cells, 4) coefficients of a cubic in each cell of the probability, counted from
-            the lower and from the upper end, for kind 3 only.
-        functions: (3,) int64, addresses of gammaincinv, gammainccinv and ndtri.
-    """
-
-    kind: int
-    q: float
-    sigma: float
-    table: Values
-    functions: npt.NDArray[np.int64]
-
-
 def _edges(q: float, sigma: float) -> Values:
     """Quantiles of Gamma(q) + Normal(0, sigma) at the edges of the cells of `Law.table`, and their
     change in a unit of probability, (2 ends, 2, edges) electrons."""
@@ -241,100 +331,3 @@ def _table(edges: Values) -> Values:
     value, change, width = edges[:, 0], edges[:, 1], _widths()
     (a, b), (c, d) = (value[:, :-1], value[:, 1:]), (change[:, :-1] * width, change[:, 1:] * width)
     return np.stack([a, c, 3 * (b - a) - 2 * c - d, c + d - 2 * (b - a)], axis=2)
-
-
-@lru_cache(maxsize=8)
-def law_of(q: float, sigma: float = 0.0, shot: bool = True, shift: float = 0.0) -> Law:
-    """Distribution of G + Normal(0, sigma) + shift; G is Gamma(q) with shot noise, else the
-    constant q."""
-    functions = np.array([address(f) for f in ("gammaincinv", "gammainccinv", "ndtri")], np.int64)
-    table = np.zeros((2, 0, 4))
-    if shot:
-        kind = _TABLE if sigma > 0 or shift or q >= _LEAST_TABLED else _GAMMA
-    else:
-        kind = _NORMAL if sigma > 0 else _FIXED
-    if kind == _TABLE:
-        table = _table(cached_table("law", (q, sigma), (__file__,), lambda: _edges(q, sigma)))
-        table[..., 0] += shift
-    return Law(kind, q + shift, sigma, table, functions)
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def draw(kind, q, sigma, table, functions, word):  # type: ignore[no-untyped-def]
-    """Threshold in electrons of a random word below 2^32. Arguments: see `Law`."""
-    if kind == 0:
-        return max(q, 2.0**-40)
-    upper = word >> 31
-    near = 0xFFFFFFFF - word if upper else word
-    if kind == 3:
-        # 2^33 times the probability from the nearer end, as a float: its exponent and the next bits
-        # number the cell, and the others are the place in it.
-        bits = np.float64(2 * near + 1).view(np.int64)
-        cell = table[upper, (bits >> (52 - _SHARED)) - (1023 << _SHARED)]
-        u = (bits & ((1 << (52 - _SHARED)) - 1)) * 2.0 ** (_SHARED - 52)
-        return max(cell[0] + u * (cell[1] + u * (cell[2] + u * cell[3])), 2.0**-40)
-    p = (near + 0.5) * 2.0**-32
-    if kind == 1:
-        return max(call_two(functions[1 if upper else 0], q, p), 2.0**-40)
-    score = call_one(functions[2], p)
-    return max(q + sigma * (-score if upper else score), 2.0**-40)
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _all(kind, q, sigma, table, functions, words, out):  # type: ignore[no-untyped-def]
-    for i in range(words.size):
-        out[i] = draw(kind, q, sigma, table, functions, np.int64(words[i]))
-
-
-def draw_all(law: Law, words: npt.NDArray[np.uint32]) -> Values:
-    """Thresholds of random words, (n,) electrons."""
-    out = np.empty(words.size)
-    _all(law.kind, law.q, law.sigma, law.table, law.functions, words, out)
-    return out
-
-
-def law_error(law: Law, words: npt.NDArray[np.uint32]) -> float:
-    """Largest relative error of the thresholds of these words, plus one rounding.
-
-    For the sum of both noises the distribution is inverted at these words. The relative error of a
-    Gamma quantile is the next step of Newton's method, (F(x) - p) / (f(x) x), with F and p counted
-    from the nearer end.
-    """
-    from scipy.special import gammainc, gammaincc, gammaln, ndtri
-
-    rounding = float(np.finfo(np.float64).eps)
-    if law.kind not in (_GAMMA, _TABLE):
-        return rounding
-    words = np.sort(words)
-    x = draw_all(law, words)
-    below = (words + 0.5) * 2.0**-32
-    above = (0xFFFFFFFF - words.astype(np.int64) + 0.5) * 2.0**-32
-    if law.sigma > 0:
-        score = np.where(below < above, ndtri(below), -ndtri(above))
-        unique, first = np.unique(score, return_index=True)
-        off = x[first] / mixed_quantiles(law.q, law.sigma, unique) - 1
-    else:
-        density = np.exp((law.q - 1) * np.log(x) - x - gammaln(law.q))
-        near = below < above
-        missed = np.where(near, gammainc(law.q, x) - below, above - gammaincc(law.q, x))
-        off = missed / (density * x)
-    return float(np.abs(off).max()) + rounding
-
-
-DRAWS = 256
-"""Number of thresholds that are compared with their distribution."""
-
-
-def reference_error(setting: CameraSetting, numbers: npt.NDArray[np.uint32]) -> float:
-    """Relative error of the reference tier.
-
-    It is the error of the first thresholds of these pixels against the inverse of their
-    distribution. Instants are in closed form and exact up to rounding.
-
-    Args:
-        setting: setting of the camera.
-        numbers: (n,) uint32, numbers of the pixels.
-    """
-    model = setting.model
-    words = philox4x32((numbers, 0, 0, 0), (setting.seed, Stream.SHOT_NOISE))[0]
-    return law_error(law_of(model.threshold, model.threshold_noise, model.shot), words)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sensor.dynamic_range.chain import (
+from sensor.dynamic_range.spike_camera import (
     interval_rsd,
     level_step,
     levels_for,

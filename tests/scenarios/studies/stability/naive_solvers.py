@@ -10,9 +10,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from cosim import PS
-from sensor.circuit.circuit import Circuit
+from sensor.circuit.circuit import ELEMENTARY_CHARGE, Circuit
 from sensor.circuit.phases import spike_train
-from sensor.device.chips import ELEMENTARY_CHARGE
 
 
 def plain_log(circuit, knots, first, last, goals):  # type: ignore[no-untyped-def]

@@ -13,16 +13,13 @@ from scipy import integrate, special, stats
 
 from sensor.asynchronous.pixel.closed import unit
 from sensor.asynchronous.pixel.gamma import (
-    fitting,
-    geometric,
-    interval_moments,
     inverse_lower,
     inverse_upper,
     poisson_below,
     poisson_outside,
-    stretch,
     tails,
 )
+from sensor.asynchronous.pixel.stretches import fitting, geometric, interval_moments, stretch
 from sensor.device.charge import crossing, exposure, later
 
 

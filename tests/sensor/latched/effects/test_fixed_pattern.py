@@ -12,7 +12,7 @@ from scipy import stats
 from cosim import PS, Block, Clock, Light, Piece
 from cosim.compute.opencl import Device, open_device
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
-from sensor.device.chips import ktc_electrons
+from sensor.circuit.circuit import ktc_electrons
 from sensor.device.pattern import DevicePattern, dark_current
 from sensor.latched.effects import RESIDUAL, SHOT_NOISE
 from sensor.latched.effects.initial_charge import INITIAL_CHARGE
