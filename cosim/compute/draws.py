@@ -28,9 +28,12 @@ Values = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Numbers = npt.NDArray[np.int64]
 """Number of each pixel in its imager, of the values' shape."""
-
 _TWO_PI = 2 * math.pi
 _SMALL = 12.0
+_SECOND = 1 << 20
+"""First draw of the second law of a compound one."""
+_PART = 1 << 17
+"""Draws that are worth a thread of their own: some milliseconds."""
 
 
 @njit(cache=True, nogil=True)
@@ -109,10 +112,6 @@ def _gamma_one(shape, pixel, frame, draw, seed, stream):  # type: ignore[no-unty
             return d * v * boost
 
 
-_SECOND = 1 << 20
-"""First draw of the second law of a compound one."""
-
-
 @njit(cache=True, nogil=True)
 def _poisson(mean, numbers, frame, seed, stream, out):  # type: ignore[no-untyped-def]
     for n in range(mean.size):
@@ -168,10 +167,6 @@ def _binomial(count, share, numbers, frame, seed, stream, out):  # type: ignore[
             u, _ = uniforms(numbers[n], frame, draw + each, seed, stream)
             found += u < p
         out[n] = found
-
-
-_PART = 1 << 17
-"""Draws that are worth a thread of their own: some milliseconds."""
 
 
 def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, frame: int, seed: int,

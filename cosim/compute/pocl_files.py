@@ -38,6 +38,7 @@ _WAIT_S: Final = 120
 """Longest wait for another process that compiles."""
 _RECENT_S: Final = 2
 """Resolution of the times of a coarse file system, with a margin."""
+_OPEN: Final[list[PoclFiles]] = []
 
 
 class PoclFiles:
@@ -192,9 +193,6 @@ class PoclFiles:
             part.write_text(json.dumps(record), encoding="utf-8")
             os.replace(part, self._sums / key)
         _drop(part)
-
-
-_OPEN: Final[list[PoclFiles]] = []
 
 
 @cache

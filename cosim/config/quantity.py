@@ -24,6 +24,14 @@ from cosim.config.units import (
 )
 from cosim.errors import section_at
 
+DAY = 86_400.0
+"""Longest run in seconds (3.5e9 cycles at 40 kHz)."""
+FASTEST = 1e9
+"""Highest frequency of a clock, Hz."""
+Reflectance = Annotated[float, Field(ge=0, le=1)]
+Spread = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -92,26 +100,27 @@ class Quantity:
         }  # fmt: skip
 
 
-DAY = 86_400.0
-"""Longest run in seconds (3.5e9 cycles at 40 kHz)."""
-
 # The least threshold is an electron, and fixed point limits the highest. Outside the visible range,
 # lux do not determine photons.
 Time = Annotated[float, Quantity("time", least=0, most=DAY)]
+
 Duration = Annotated[float, Quantity("time", above=0, most=DAY)]
-FASTEST = 1e9
-"""Highest frequency of a clock, Hz."""
+
 Frequency = Annotated[float, Quantity("frequency", above=0, most=FASTEST)]
+
 Illuminance = Annotated[float, Quantity("illuminance", above=0, most=1e9)]
+
 Charge = Annotated[float, Quantity("charge", least=1, most=2e6)]
+
 Wavelength = Annotated[float, Quantity("wavelength", least=380, most=780)]
+
 Noise = Annotated[float, Quantity("charge", least=0, most=30_000)]
+
 Capacitance = Annotated[float, Quantity("capacitance", above=0, most=1e6)]
+
 Current = Annotated[float, Quantity("current", least=0, most=1e12)]
+
 Temperature = Annotated[float, Quantity("temperature", least=-150, most=150)]
-Reflectance = Annotated[float, Field(ge=0, le=1)]
-Spread = Annotated[float, Field(ge=0, le=1)]
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def placed(path: str, home: str = "sensor") -> WrapValidator:

@@ -19,6 +19,36 @@ from cosim.config.unit_table import UNITS
 if TYPE_CHECKING:
     import pint
 
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+# pint evaluates expressions in a unit, and "s*9**9**9" would not end. Therefore only names with a
+# small power, joined by one sign, are passed to it.
+_POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[23²³]|⁻[¹²³])?"
+_NAME = rf"[A-Za-zµμ_]+{_POWER}"
+_UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
+_LONGEST = 200
+"""Characters of a quantity. Time grows with the square of the digits, and in pint of a name."""
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
+_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ_])(?=[23])")
+"""Place of the sign that pint wants in "m2"."""
+_COMMON = {
+    "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "Hz": {"kHz": 1e3, "MHz": 1e6, "GHz": 1e9},
+    "bit/s": {"kbit/s": 1e3, "Mbit/s": 1e6, "Gbit/s": 1e9},
+    "lux": {"klux": 1e3},
+    "V": {"mV": 1e-3},
+    "ohm": {"kohm": 1e3},
+    "um": {"m": 1e6, "cm": 1e4, "mm": 1e3, "nm": 1e-3},
+    "Pa": {"kPa": 1e3},
+    "W": {"mW": 1e-3},
+}
+"""Factors of the units that most scenarios have, by the unit of the kind: pint's own, which a test
+compares. It takes 0.2 s to import, and is asked for the other units alone."""
+_BASE = {"um": ("m", 1e-6), "nm": ("m", 1e-9), "fF": ("F", 1e-15)}
+"""Base unit and size of the units that have a prefix themselves."""
+_PREFIXED = frozenset({"s", "Hz", "bit/s", "m", "F", "V", "ohm", "Pa", "W"})
+"""Units that are read with an SI prefix."""
+_PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "u", 1e-9: "n", 1e-15: "f"}
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -64,33 +94,6 @@ KINDS: dict[str, Kind] = {
         Kind("conversion gain", "uV/e", "25 uV/e", ("volt / elementary_charge",)),
     )
 }
-
-_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-# pint evaluates expressions in a unit, and "s*9**9**9" would not end. Therefore only names with a
-# small power, joined by one sign, are passed to it.
-_POWER = r"(?:\ ?(?:\*\*|\^)\ ?-?[1-9]|[23²³]|⁻[¹²³])?"
-_NAME = rf"[A-Za-zµμ_]+{_POWER}"
-_UNIT = rf"(?:1\ ?/\ ?)?{_NAME}(?:(?:\ ?[*/·]\ ?|\ ){_NAME})*"
-_LONGEST = 200
-"""Characters of a quantity. Time grows with the square of the digits, and in pint of a name."""
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_UNIT})\s*")
-_PLAIN_POWER = re.compile(r"(?<=[A-Za-zµμ_])(?=[23])")
-"""Place of the sign that pint wants in "m2"."""
-
-
-_COMMON = {
-    "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
-    "Hz": {"kHz": 1e3, "MHz": 1e6, "GHz": 1e9},
-    "bit/s": {"kbit/s": 1e3, "Mbit/s": 1e6, "Gbit/s": 1e9},
-    "lux": {"klux": 1e3},
-    "V": {"mV": 1e-3},
-    "ohm": {"kohm": 1e3},
-    "um": {"m": 1e6, "cm": 1e4, "mm": 1e3, "nm": 1e-3},
-    "Pa": {"kPa": 1e3},
-    "W": {"mW": 1e-3},
-}
-"""Factors of the units that most scenarios have, by the unit of the kind: pint's own, which a test
-compares. It takes 0.2 s to import, and is asked for the other units alone."""
 
 
 def _factor(text: str, kind: Kind) -> float | None:
@@ -160,13 +163,6 @@ def format_quantity(value: float, kind: Kind) -> str:
     if float(number) != value:
         number = repr(float(value))
     return f"{number} {kind.unit}"
-
-
-_BASE = {"um": ("m", 1e-6), "nm": ("m", 1e-9), "fF": ("F", 1e-15)}
-"""Base unit and size of the units that have a prefix themselves."""
-_PREFIXED = frozenset({"s", "Hz", "bit/s", "m", "F", "V", "ohm", "Pa", "W"})
-"""Units that are read with an SI prefix."""
-_PREFIXES = {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "u", 1e-9: "n", 1e-15: "f"}
 
 
 def readable_quantity(value: float, kind: Kind) -> str:

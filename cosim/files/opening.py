@@ -21,26 +21,27 @@ from cosim.files.recorder import write_zarr
 from cosim.files.zarr_store import ZarrStream
 from cosim.spikes.viform import SpikeStream
 
-
-def _write_events(stream: SpikeStream, path: Path) -> None:
-    """Writes events; those of an event file keep properties that planes do not hold."""
-    write_events(stream.file if isinstance(stream, EventStream) else stream, path)
-
-
 _READ: dict[str, Callable[[Path], SpikeStream]] = {
     ".raw": RawStream,
     ".npz": read_npz,
     ".zarr": ZarrStream,
     ENDING: EventStream,
 }
+FORMATS = (".dat", *_READ)
+"""Endings of stream files."""
+
+
+def _write_events(stream: SpikeStream, path: Path) -> None:
+    """Writes events; those of an event file keep properties that planes do not hold."""
+    write_events(stream.file if isinstance(stream, EventStream) else stream, path)
+
+
 _WRITE: dict[str, Callable[[SpikeStream, Path], None]] = {
     ".raw": write_raw,
     ".npz": write_npz,
     ".zarr": write_zarr,
     ENDING: _write_events,
 }
-FORMATS = (".dat", *_READ)
-"""Endings of stream files."""
 
 
 def ending_of(path: Path) -> str:

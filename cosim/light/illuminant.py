@@ -28,13 +28,13 @@ LAMP_KELVIN: Final = 2856.0
 """CIE standard illuminant A."""
 DAYLIGHT_KELVIN: Final = 6504.0
 """Correlated colour temperature of CIE D65."""
-
 Values = npt.NDArray[np.float64]
 Spectrum = Callable[[Values], Values]
-
 _BAND_UM: Final = np.array([0.36, 0.44, 0.55, 0.64, 0.79])
 _ZERO_JANSKY: Final = np.array([1810.0, 4260.0, 3640.0, 3080.0, 2550.0])
 _SKY_MAGNITUDES: Final = np.array([22.3, 22.6, 21.6, 20.9, 19.7])
+LAMP: Final = "lamp"
+_VISIBLE: Final = np.arange(380.0, 781.0)
 
 
 def black_body(wavelengths_nm: Values, kelvin: float) -> Values:
@@ -51,15 +51,12 @@ def _night_sky(wavelengths_nm: Values) -> Values:
     return np.exp(log - log.max())
 
 
-LAMP: Final = "lamp"
 ILLUMINANTS: Final[dict[str, Spectrum]] = {
     LAMP: lambda nm: black_body(nm, LAMP_KELVIN),
     "daylight": lambda nm: black_body(nm, DAYLIGHT_KELVIN),
     "night-sky": _night_sky,
 }
 """Relative spectra by name: wavelengths (nm) to E."""
-
-_VISIBLE: Final = np.arange(380.0, 781.0)
 
 
 def photon_density(spectrum: Spectrum, wavelengths_nm: Values) -> Values:

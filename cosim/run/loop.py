@@ -24,6 +24,8 @@ from cosim.stage import BLOCK, Block, Stage, State, Stateful, WithFiles, blocks,
 
 _DIGEST = "digest"
 """Name of the array with the digest of all others."""
+Gate = Callable[[Block, Callable[[], bool]], bool]
+"""Takes a block, and a function that says whether the user has asked to stop."""
 
 
 def _digest(arrays: State) -> str:
@@ -159,10 +161,6 @@ class Checkpoint:
     def _refusal(self, must: str, actual: str) -> InputError:
         remedy = f"remove {self.path} to start afresh, or give the run another --out"
         return InputError("the checkpoint", must, actual, remedy)
-
-
-Gate = Callable[[Block, Callable[[], bool]], bool]
-"""Takes a block, and a function that says whether the user has asked to stop."""
 
 
 def open_gate(block: Block, stopping: Callable[[], bool]) -> bool:

@@ -16,13 +16,14 @@ import numpy.typing as npt
 from cosim.errors import InputError
 from cosim.files.atomic import atomic_write
 
+_ESCAPED: Final = re.compile(r"[\x7f-\x9f\ud800-\udfff]")
+NO_REASON: Final = "this run gives no finite value of it"
+"""The reason of a figure that states none."""
+
 
 def viform_version() -> str:
     """The installed version."""
     return version("viform")
-
-
-_ESCAPED: Final = re.compile(r"[\x7f-\x9f\ud800-\udfff]")
 
 
 def _clean(value: Any) -> Any:
@@ -41,10 +42,6 @@ def dumps(document: Any) -> str:
     name of a file in another encoding, or commands a terminal becomes an escape."""
     text = json.dumps(_clean(document), indent=2, ensure_ascii=False, allow_nan=False)
     return _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-
-
-NO_REASON: Final = "this run gives no finite value of it"
-"""The reason of a figure that states none."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,9 @@ from cosim.compute.compiling import compiled_within
 from cosim.errors import one_line, say
 from cosim.run.progress import Pace, QuietProgress, duration_text
 
+EVERY_S = 10.0
+"""Minimum time between two lines of progress in a log, s."""
+
 
 class SilentProgress:
     """A progress that prints notes only."""
@@ -28,10 +31,6 @@ class SilentProgress:
         say(text)
 
     def close(self) -> None: ...
-
-
-EVERY_S = 10.0
-"""Minimum time between two lines of progress in a log, s."""
 
 
 class LineProgress(SilentProgress):

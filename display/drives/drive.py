@@ -1,8 +1,5 @@
-"""The interface of drives, by which a pixel of a spike-continuous panel converts spikes to
-light.
-
-This file also covers drives that hold the rate of the last interval: the balance of their light,
-and its statistics.
+"""The interface of drives, by which a pixel of a spike-continuous panel converts spikes to light,
+and what drives that hold the rate of the last interval have in common.
 
 The rate 1 / tau is a biased estimate: a short interval is held for the longer one that follows, so
 its mean over time exceeds the mean rate (at 0.6 spikes a cycle it is 0.7). A drive of this kind
@@ -22,6 +19,17 @@ import numpy.typing as npt
 from numba.extending import register_jitable
 
 Values = npt.NDArray[np.float64]
+SHARE: Final = 0.25
+"""Share of the balance that is repaid per interval. A larger share increases the flutter; a smaller
+share needs a wider balance for the largest bias, 1.25 at two spikes in three cycles."""
+LEAST: Final = -3 * SHARE
+MOST: Final = SHARE
+"""Limits of the repayment, packets: of a balance from -3 to 1. A pixel does not go dark, or flare,
+to settle the balance of a sudden change of light."""
+GLSL_LEVEL: Final = "min({rate} + memory * {rate}, 1.0)"
+"""`packets_at` in GLSL; rate: 1 / planes."""
+GLSL_REPAID: Final = f"clamp(memory + {SHARE} - {SHARE} * emitted, {LEAST}, {MOST})"
+"""`repaid` in GLSL."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +78,6 @@ class Drive:
     glsl_remember: str = ""
 
 
-SHARE: Final = 0.25
-"""Share of the balance that is repaid per interval. A larger share increases the flutter; a smaller
-share needs a wider balance for the largest bias, 1.25 at two spikes in three cycles."""
-LEAST: Final = -3 * SHARE
-MOST: Final = SHARE
-"""Limits of the repayment, packets: of a balance from -3 to 1. A pixel does not go dark, or flare,
-to settle the balance of a sudden change of light."""
-
-
 @register_jitable
 def packets_at(planes: Any, memory: Any) -> Any:
     """Level at which a packet and the repayment `memory` are emitted in this number of planes, at
@@ -91,12 +90,6 @@ def repaid(memory: Any, interval: Any, emitted: Any) -> Any:
     and `emitted` was paid. The first spike adds one as well, which the upper limit cuts at the
     second."""
     return np.minimum(np.maximum(memory + SHARE - SHARE * emitted, LEAST), MOST)
-
-
-GLSL_LEVEL: Final = "min({rate} + memory * {rate}, 1.0)"
-"""`packets_at` in GLSL; rate: 1 / planes."""
-GLSL_REPAID: Final = f"clamp(memory + {SHARE} - {SHARE} * emitted, {LEAST}, {MOST})"
-"""`repaid` in GLSL."""
 
 
 def interval_fluctuation(rate: Values, variance: Values, reach: float) -> Values:

@@ -1,10 +1,8 @@
 """Observers of light: a still eye, a pursuing eye, and a camera.
 
-The model of an observer is the weight and the position with which its images integrate light. The
-neural delay is the same for every display and is left out: the image of the instant T integrates
-light around T.
-
-This file also covers the temporal response of the eye, shared by its sensitivity and its images.
+The model of an observer is the weight and the position with which its images integrate light. An
+eye's weight follows from its temporal response. The neural delay is the same for every display and
+is left out: the image of the instant T integrates light around T.
 """
 
 from __future__ import annotations
@@ -20,7 +18,6 @@ from cosim import PS
 from display.observe.views import Values
 
 Instants = npt.NDArray[np.int64]
-
 STAGES: Final = 15
 """Number of stages of the low-pass cascade, the sustained term of elaTCSF."""
 STAGE_TIME: Final = 0.00292069
@@ -29,18 +26,6 @@ SPEED: Final = 0.6678, 0.222269
 """Constants of the frequency scale: offset, and slope per decade of luminance."""
 DIMMEST: Final = 0.1
 """Lower limit of the luminance, cd/m2: the frequency scale would be 0 at 0.001."""
-
-
-def frequency_scale(luminance: float) -> float:
-    """Scale of the eye's temporal frequencies at a luminance, cd/m2: f' = f / scale of elaTCSF in
-    the fovea."""
-    return SPEED[0] + SPEED[1] * math.log10(max(luminance, DIMMEST))
-
-
-def eye_time(luminance: float) -> float:
-    """Time constant of a stage of the eye's temporal response in the fovea, s, at a luminance,
-    cd/m2."""
-    return STAGE_TIME / frequency_scale(luminance)
 
 
 class _Still:
@@ -99,24 +84,6 @@ class FixedEye(_Still):
 
 
 @dataclass(frozen=True)
-class CameraPlane(_Still):
-    """The exposures of a camera, with constant weight.
-
-    Attributes:
-        instants: centres of the exposures, ps.
-        exposure: length of an exposure, ps.
-    """
-
-    instants: tuple[int, ...]
-    exposure: int
-
-    def weights(self, start: Instants, stop: Instants) -> Values:
-        first = np.array(self.instants, np.int64)[:, None] - self.exposure // 2
-        exposed = np.minimum(stop, first + self.exposure) - np.maximum(start, first)
-        return np.maximum(exposed, 0) / self.exposure
-
-
-@dataclass(frozen=True)
 class PursuingEye:
     """An eye that moves at (vy, vx). Its retina image at the instant T is R(y, x) = integral of
     L(y + vy (t - T), x + vx (t - T), t), with the weights of `still`.
@@ -140,3 +107,33 @@ class PursuingEye:
         centre = np.array(self.still.instants, np.float64)[:, None]
         seconds = (at[None, :] - centre) / PS
         return seconds * self.velocity[0], seconds * self.velocity[1]
+
+
+@dataclass(frozen=True)
+class CameraPlane(_Still):
+    """The exposures of a camera, with constant weight.
+
+    Attributes:
+        instants: centres of the exposures, ps.
+        exposure: length of an exposure, ps.
+    """
+
+    instants: tuple[int, ...]
+    exposure: int
+
+    def weights(self, start: Instants, stop: Instants) -> Values:
+        first = np.array(self.instants, np.int64)[:, None] - self.exposure // 2
+        exposed = np.minimum(stop, first + self.exposure) - np.maximum(start, first)
+        return np.maximum(exposed, 0) / self.exposure
+
+
+def frequency_scale(luminance: float) -> float:
+    """Scale of the eye's temporal frequencies at a luminance, cd/m2: f' = f / scale of elaTCSF in
+    the fovea."""
+    return SPEED[0] + SPEED[1] * math.log10(max(luminance, DIMMEST))
+
+
+def eye_time(luminance: float) -> float:
+    """Time constant of a stage of the eye's temporal response in the fovea, s, at a luminance,
+    cd/m2."""
+    return STAGE_TIME / frequency_scale(luminance)

@@ -1,12 +1,8 @@
 """Parameters of the panels that convert a stream or a picture to light.
 
 Radiance is relative: 1 is the white of the panel, with `luminance` cd/m2. A spike-continuous panel
-has no frames: each pixel follows its own spikes, plane by plane of the stream.
-
-This file also covers the relaxation of an emitter within a part of a plane, as constants for a
-shader.
-
-This file also maps a stream to a panel of another size.
+has no frames: each pixel follows its own spikes, plane by plane of the stream, which may have
+another size than the panel. Its emitters may relax within a part of a plane.
 """
 
 from __future__ import annotations
@@ -23,6 +19,12 @@ from cosim import PS, Clock
 from display.drives import DRIVES, Drive
 
 Words = npt.NDArray[np.uint32]
+LEVELS = 2**31 - 256
+"""Number of steps of a stored level, whose maximum is 1 / pulse packets a cycle. An integer sums
+changes that a float32 level would lose. With a time constant of n cycles, a level settles within n
+/ 2 steps of its drive: the error is below 1e-6 of white up to 10 ms at any white rate above
+0.05."""
+Fit = Literal["exact", "nearest", "centre"]
 
 
 @dataclass(frozen=True)
@@ -149,53 +151,6 @@ def metric_key(display: str) -> str:
     return display.replace(" ", "").replace(".", "_").lower()
 
 
-LEVELS = 2**31 - 256
-"""Number of steps of a stored level, whose maximum is 1 / pulse packets a cycle. An integer sums
-changes that a float32 level would lose. With a time constant of n cycles, a level settles within n
-/ 2 steps of its drive: the error is below 1e-6 of white up to 10 ms at any white rate above
-0.05."""
-
-
-def slow(panel: SpikePanel) -> bool:
-    """Whether the emitter has a time constant."""
-    return panel.rise > 0 or panel.decay > 0
-
-
-def relaxation(constant: float, share: float, panel: SpikePanel) -> tuple[float, float, float]:
-    """The coefficients (a, b, c) of a part of a plane under constant drive x, from the level y: the
-    light is a x + b y, packets, and the level changes by c (x - y).
-
-    y' = (x - y) / T, in cycles, gives b = T (1 - e^(-share / T)), a = share - b, c = b / T.
-
-    Args:
-        constant: time constant of the emitter, s.
-        share: length of the part, planes.
-        panel: the panel, for its clock.
-    """
-    if constant == 0:
-        return share, 0.0, 1.0
-    planes = constant * panel.clock.hz
-    gone = -math.expm1(-share / planes)
-    return share - planes * gone, planes * gone, gone
-
-
-Fit = Literal["exact", "nearest", "centre"]
-
-
-def _nearest(panel: int, stream: int) -> npt.NDArray[np.intp]:
-    """For each panel pixel, the pixel of the stream that contains its centre; both cover the same
-    picture."""
-    return ((2 * np.arange(panel) + 1) * stream // (2 * panel)).astype(np.intp)
-
-
-def _centred(panel: int, stream: int) -> tuple[slice, slice]:
-    """The part of the panel that shows the centre of the stream, and that part of the stream; an
-    odd remainder is at the right and at the bottom."""
-    size = min(panel, stream)
-    on, of = (panel - size) // 2, (stream - size) // 2
-    return slice(on, on + size), slice(of, of + size)
-
-
 def fit_words(
     fit: Fit, stream: tuple[int, int], panel: tuple[int, int]
 ) -> Callable[[Words], Words]:
@@ -231,3 +186,40 @@ def fit_words(
         return framed
 
     return centre
+
+
+def _nearest(panel: int, stream: int) -> npt.NDArray[np.intp]:
+    """For each panel pixel, the pixel of the stream that contains its centre; both cover the same
+    picture."""
+    return ((2 * np.arange(panel) + 1) * stream // (2 * panel)).astype(np.intp)
+
+
+def _centred(panel: int, stream: int) -> tuple[slice, slice]:
+    """The part of the panel that shows the centre of the stream, and that part of the stream; an
+    odd remainder is at the right and at the bottom."""
+    size = min(panel, stream)
+    on, of = (panel - size) // 2, (stream - size) // 2
+    return slice(on, on + size), slice(of, of + size)
+
+
+def slow(panel: SpikePanel) -> bool:
+    """Whether the emitter has a time constant."""
+    return panel.rise > 0 or panel.decay > 0
+
+
+def relaxation(constant: float, share: float, panel: SpikePanel) -> tuple[float, float, float]:
+    """The coefficients (a, b, c) of a part of a plane under constant drive x, from the level y: the
+    light is a x + b y, packets, and the level changes by c (x - y).
+
+    y' = (x - y) / T, in cycles, gives b = T (1 - e^(-share / T)), a = share - b, c = b / T.
+
+    Args:
+        constant: time constant of the emitter, s.
+        share: length of the part, planes.
+        panel: the panel, for its clock.
+    """
+    if constant == 0:
+        return share, 0.0, 1.0
+    planes = constant * panel.clock.hz
+    gone = -math.expm1(-share / planes)
+    return share - planes * gone, planes * gone, gone

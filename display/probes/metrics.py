@@ -36,9 +36,17 @@ PST_CLOCK: Final = 100e3
 NAMES: Final = {
     SPARSE: "sparse", DIM: "dim", GREY: "grey", WHITE: "white", BRIGHT: "bright",
 }  # fmt: skip
-
-
 _Row = TypeVar("_Row")
+_NO_DELAY: Final = (
+    "the light does not cross half of the step within the recording of the probe, or the pixels "
+    "have too many spikes for one"
+)
+_NO_BLUR: Final = (
+    "the light does not settle within the recording of the probe, such as held light that never "
+    "becomes dark, or the pixels have too many spikes for a probe"
+)
+_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles or spikes"
+"""Why a figure is unknown."""
 
 
 @dataclass(frozen=True)
@@ -127,18 +135,6 @@ def kept_probes(
 
 def _rows(parts: Sequence[Future[list[_Row]]]) -> tuple[_Row, ...]:
     return tuple(row for part in parts for row in part.result())
-
-
-_NO_DELAY: Final = (
-    "the light does not cross half of the step within the recording of the probe, or the pixels "
-    "have too many spikes for one"
-)
-_NO_BLUR: Final = (
-    "the light does not settle within the recording of the probe, such as held light that never "
-    "becomes dark, or the pixels have too many spikes for a probe"
-)
-_NO_FLICKER: Final = "the patch is dark, or a second at this clock has too many cycles or spikes"
-"""Why a figure is unknown."""
 
 
 def _known(value: float, unit: str, reason: str) -> Metric:

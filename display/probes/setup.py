@@ -12,6 +12,13 @@ from cosim import Clock, Light, Piece, Viform
 from display.panels.panel import SpikePanel
 
 Places = npt.NDArray[np.int64]
+MOST: Final = 5 * 10**7
+"""Maximum number of samples of light that a probe keeps in memory. One that needs more, of a clock
+above some 1 MHz or of a slow panel, has no figure."""
+MOST_SPIKES: Final = 16 * 10**6
+"""Maximum number of spikes of asynchronous pixels that a probe simulates, at some microsecond of a
+core each. One that needs more has no figure: with much dark current, or of grey at a clock above
+some 300 kHz."""
 
 
 class ProbeCamera(Protocol):
@@ -67,16 +74,6 @@ class ProbeCamera(Protocol):
             rows: first row and end of the recorded rows, None for all.
         """
         ...
-
-
-MOST: Final = 5 * 10**7
-"""Maximum number of samples of light that a probe keeps in memory. One that needs more, of a clock
-above some 1 MHz or of a slow panel, has no figure."""
-
-MOST_SPIKES: Final = 16 * 10**6
-"""Maximum number of spikes of asynchronous pixels that a probe simulates, at some microsecond of a
-core each. One that needs more has no figure: with much dark current, or of grey at a clock above
-some 300 kHz."""
 
 
 def _plane(shape: tuple[int, int], lux: float) -> npt.NDArray[np.float32]:

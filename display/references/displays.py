@@ -16,10 +16,15 @@ from display.panels.panel import FramePanel, Projector
 
 Instants = npt.NDArray[np.int64]
 Stack = npt.NDArray[np.float32]
-
 PARTS, MOST = 16, 1024
 """Number of integration intervals in a time constant of a slow pixel, and maximum number in a
 frame. Beyond the maximum, the light in an interval is still its true mean."""
+BATCH = 128
+"""Maximum number of planes computed at a time: each time, all images are read and written."""
+SPREAD = (0.7548776662466927, 0.5698402909980532)
+"""Steps of the low-discrepancy sequence R2, 1/g and 1/g^2 with g^3 = g + 1."""
+TRUTH_BATCH = 32
+"""Number of planes of light that are integrated together."""
 
 
 def _approach(begin: int, constant: float) -> Gain:
@@ -99,12 +104,6 @@ class FrameShow:
             self._level = np.ascontiguousarray(state["level"], np.float32)
 
 
-BATCH = 128
-"""Maximum number of planes computed at a time: each time, all images are read and written."""
-SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps of the low-discrepancy sequence R2, 1/g and 1/g^2 with g^3 = g + 1."""
-
-
 def spread_errors(row: npt.ArrayLike, column: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """The initial errors of a projector's pixels, -1/2 to 1/2, by their position. They are
     uniformly distributed (the sequence R2 of Roberts), so that neighbours do not flash together
@@ -173,10 +172,6 @@ class ProjectorShow:
         """Restores a `state`."""
         self._next = int(state["next"])
         self._error = np.ascontiguousarray(state["error"], np.float32)
-
-
-TRUTH_BATCH = 32
-"""Number of planes of light that are integrated together."""
 
 
 def _ramp(piece: Piece, rising: bool) -> Gain:

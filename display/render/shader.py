@@ -1,10 +1,9 @@
-"""Composes the shaders of the renderer for a draw call: unrolled, with constants.
+"""The draw calls of the renderer: the planes of a block in pieces, and the shader of each piece,
+unrolled, with constants.
 
-The text is in drive.frag and observe.frag; each drive provides the expression of its level. This
-file adds the switches and the calls for each plane.
-
-This file also covers pieces of a block: the planes of one draw call, with the images that they
-contribute to.
+The text of the shaders is in drive.frag and observe.frag; each drive provides the expression of its
+level. This file adds the switches and the calls for each plane. A piece also has the images that
+its planes contribute to.
 """
 
 from __future__ import annotations
@@ -20,6 +19,11 @@ from cosim.spikes.viform import WORD
 from display.drives import Drive
 from display.observe.views import Views
 
+PART = 8
+"""Number of terms in a partial sum: shorter chains of float32 have smaller rounding errors."""
+GROUPS = 4
+"""Maximum number of groups of planes whose light a draw call writes to textures."""
+
 
 class Piece(NamedTuple):
     """Planes of a block in one draw call.
@@ -34,12 +38,6 @@ class Piece(NamedTuple):
     planes: int
     group: int
     spans: list[int]
-
-
-def group_size(planes: int, batch: int) -> int:
-    """Number of planes that always share a span of `batch` planes: the largest power of two that
-    divides `batch`, at most `planes`."""
-    return min(planes, batch & -batch)
 
 
 def pieces(cycles: int, most: int, batch: int) -> Iterator[Piece]:
@@ -59,6 +57,12 @@ def pieces(cycles: int, most: int, batch: int) -> Iterator[Piece]:
         first += planes
 
 
+def group_size(planes: int, batch: int) -> int:
+    """Number of planes that always share a span of `batch` planes: the largest power of two that
+    divides `batch`, at most `planes`."""
+    return min(planes, batch & -batch)
+
+
 def split_images(views: Views | None) -> tuple[list[int], list[int]]:
     """Numbers of the images of still observers in this block, and of moving observers."""
     if views is None:
@@ -71,36 +75,6 @@ def split_images(views: Views | None) -> tuple[list[int], list[int]]:
 def takes_light(views: Views, image: int, spans: list[int]) -> bool:
     """Whether an image has a weight in any of these spans."""
     return bool(views.weight[image, spans].any() or views.slope[image, spans].any())
-
-
-PART = 8
-"""Number of terms in a partial sum: shorter chains of float32 have smaller rounding errors."""
-GROUPS = 4
-"""Maximum number of groups of planes whose light a draw call writes to textures."""
-
-
-def vertex() -> str:
-    """The vertex shader of a full-screen triangle."""
-    return _text("quad.vert")
-
-
-def _text(name: str) -> str:
-    return (files("display.render") / name).read_text(encoding="utf-8")
-
-
-def _composed(name: str, defines: dict[str, object], body: list[str]) -> str:
-    head = ["#version 330", "#extension GL_ARB_gpu_shader5 : enable"]
-    head += [f"#define {key} {value}" for key, value in defines.items()]
-    return "\n".join([*head, _text(name).replace("    BODY\n", "\n".join(body) + "\n")])
-
-
-def states(drive: Drive, emits: bool) -> list[str]:
-    """Names of the textures with the state of a panel, in the order of their targets."""
-    return [
-        *(["tau", "age"] if drive.spikes else []),
-        *(["memory", "emitted"] if drive.remember is not None else []),
-        *(["level"] if emits else []),
-    ]
 
 
 @dataclass(frozen=True)
@@ -189,3 +163,27 @@ class ObserverSwitches:
         return _composed(
             "observe.frag", defines, [f"ADD_SPAN({g}, span{g})" for g in range(self.groups)]
         )
+
+
+def vertex() -> str:
+    """The vertex shader of a full-screen triangle."""
+    return _text("quad.vert")
+
+
+def _text(name: str) -> str:
+    return (files("display.render") / name).read_text(encoding="utf-8")
+
+
+def _composed(name: str, defines: dict[str, object], body: list[str]) -> str:
+    head = ["#version 330", "#extension GL_ARB_gpu_shader5 : enable"]
+    head += [f"#define {key} {value}" for key, value in defines.items()]
+    return "\n".join([*head, _text(name).replace("    BODY\n", "\n".join(body) + "\n")])
+
+
+def states(drive: Drive, emits: bool) -> list[str]:
+    """Names of the textures with the state of a panel, in the order of their targets."""
+    return [
+        *(["tau", "age"] if drive.spikes else []),
+        *(["memory", "emitted"] if drive.remember is not None else []),
+        *(["level"] if emits else []),
+    ]

@@ -1,9 +1,6 @@
 """Runs one stage of the bring-up within a time limit, and examines the line meanwhile.
 
-This file also covers the options of a bring-up, and its end, over any line.
-
-This file also detects a restart of the board by its uptime. A restart explains all other faults of
-a stage.
+A restart of the board is detected by its uptime, and explains all other faults of a stage.
 """
 
 from __future__ import annotations
@@ -24,6 +21,14 @@ from rtl_model.host import Cause, LineFault, Lines
 from rtl_model.host.csr import CsrMap
 from rtl_model.host.ports import AS_EVER
 from rtl_model.registers import MAGIC
+
+_FAST = 1.5  # largest ratio of a real clock to its nominal frequency
+_WRAP = 1 << 32  # clocks
+_EXTRA_S = 5.0  # after a stage has failed, to examine the line
+_KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
+    "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
+    "tick", "clock",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -55,72 +60,6 @@ class BringUp:
     lines: Lines = AS_EVER
     log: Path | None = None
     allowed_s: float | None = None
-
-
-def stop_sensor(bench: Bench, report: Report) -> None:
-    """Stops the sensor of a Viform board, if the line works."""
-    if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
-        try:
-            bench.write("sensor_run", 0)
-        except (LineFault, OutOfTime) as fault:
-            if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
-                raise
-
-
-_FAST = 1.5  # largest ratio of a real clock to its nominal frequency
-_WRAP = 1 << 32  # clocks
-
-
-class Uptime:
-    """The board's uptime at the start of a stage."""
-
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
-        self._before = self._read()
-
-    def restarted(self) -> StageFault | None:
-        """The fault "restarted" if the uptime has fallen and cannot have overflowed, else None."""
-        now = self._read()
-        if self._before is None or now is None:
-            return None
-        (first, begun), (last, ended) = self._before, now
-        hz = self._clock_hz()
-        if hz is None:
-            return None
-        most = first + _FAST * (ended - begun) * hz
-        if last >= first or most >= _WRAP:
-            return None
-        again = self._read()
-        if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
-            return None  # one of the readings was wrong: no restart within the stage
-        return StageFault(
-            "restarted",
-            f"the board restarted within the stage: ctrl_uptime fell from {first} to {last}",
-            "check its supply and its reset",
-            {"uptime_before": first, "uptime_after": last},
-        )
-
-    def _read(self) -> tuple[int, float] | None:
-        try:
-            return self._bench.read("ctrl_uptime"), self._bench.port.now()
-        except (LineFault, OutOfTime):
-            return None
-
-    def _clock_hz(self) -> int | None:
-        """Nominal clock, Hz; read from the board if the identity stage has not passed."""
-        if self._bench.board:
-            return self._bench.geometry.clock_hz
-        try:
-            return self._bench.read_stable("ctrl_clock_hz")
-        except (LineFault, OutOfTime):
-            return None
-
-
-_EXTRA_S = 5.0  # after a stage has failed, to examine the line
-_KINDS_OF_DESIGN = {  # kinds of faults that a faulty line causes as well
-    "stuck-bit", "alias", "memory", "reset", "restore", "scratch", "rate", "stands-still", "rows",
-    "tick", "clock",
-}  # fmt: skip
 
 
 def run_stage(
@@ -183,6 +122,61 @@ def run_stage(
     figures = figures | {"reads_repeated": retried, "stray_bytes": strays}
     cause, figures = _line_fault(evidence, figures)
     return Stage(name, "failed", cause, figures, spent(), "spoilt")
+
+
+class Uptime:
+    """The board's uptime at the start of a stage."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._before = self._read()
+
+    def restarted(self) -> StageFault | None:
+        """The fault "restarted" if the uptime has fallen and cannot have overflowed, else None."""
+        now = self._read()
+        if self._before is None or now is None:
+            return None
+        (first, begun), (last, ended) = self._before, now
+        hz = self._clock_hz()
+        if hz is None:
+            return None
+        most = first + _FAST * (ended - begun) * hz
+        if last >= first or most >= _WRAP:
+            return None
+        again = self._read()
+        if again is None or again[0] >= first or last > _FAST * (ended - begun) * hz:
+            return None  # one of the readings was wrong: no restart within the stage
+        return StageFault(
+            "restarted",
+            f"the board restarted within the stage: ctrl_uptime fell from {first} to {last}",
+            "check its supply and its reset",
+            {"uptime_before": first, "uptime_after": last},
+        )
+
+    def _read(self) -> tuple[int, float] | None:
+        try:
+            return self._bench.read("ctrl_uptime"), self._bench.port.now()
+        except (LineFault, OutOfTime):
+            return None
+
+    def _clock_hz(self) -> int | None:
+        """Nominal clock, Hz; read from the board if the identity stage has not passed."""
+        if self._bench.board:
+            return self._bench.geometry.clock_hz
+        try:
+            return self._bench.read_stable("ctrl_clock_hz")
+        except (LineFault, OutOfTime):
+            return None
+
+
+def stop_sensor(bench: Bench, report: Report) -> None:
+    """Stops the sensor of a Viform board, if the line works."""
+    if any(stage.name == "identity" and stage.outcome == "ok" for stage in report.stages):
+        try:
+            bench.write("sensor_run", 0)
+        except (LineFault, OutOfTime) as fault:
+            if isinstance(fault, LineFault) and fault.cause is Cause.DIFFERS:
+                raise
 
 
 def _allow_more(bench: SerialBench) -> None:

@@ -1,6 +1,6 @@
 """The pixel array with its pattern memory, scanned by the compiled kernel.
 
-This file also covers tiles of the pixel array: `lanes` pixels of one row, computed in one clock.
+Its output are tiles: `lanes` pixels of one row, computed in one clock.
 """
 
 from __future__ import annotations
@@ -20,26 +20,10 @@ TILE = np.dtype(
 )
 """A tile. `clock` is the edge at which it was computed, `frame` counts from the clear, and bit b of
 `bits` is the spike of column tile * lanes + b."""
-
 Tiles: TypeAlias = npt.NDArray[np.void]
 """Array of `TILE`, in order of clock."""
-
-
-def rows_of(tiles: Tiles, geometry: Geometry) -> npt.NDArray[np.bool_]:
-    """Spikes of complete rows, (rows, columns) bool.
-
-    Args:
-        tiles: tiles of complete rows, tile 0 first, as `System.run` returns them.
-        geometry: geometry of the build.
-    """
-    bits = np.ascontiguousarray(tiles["bits"]).view(np.uint8).reshape(-1, 8)
-    lanes = np.unpackbits(bits, axis=1, bitorder="little")[:, : geometry.lanes]
-    return lanes.reshape(-1, geometry.tiles * geometry.lanes)[:, : geometry.columns].astype(bool)
-
-
 _NO_TILES: Tiles = np.empty(0, TILE)
 _TILES_AT_ONCE = 1 << 18  # most tiles of one call of the kernel, 6 MiB
-
 _READ_AHEAD = 2
 """Clocks until a write takes effect: the memory is read one clock before a tile is computed, so a
 write at edge w first affects the tile at edge w + 2."""
@@ -226,3 +210,15 @@ class PixelArray:
             return stop <= int(state[scan.END])
         tile = int(state[scan.START]) + 1 + row * size.row_clocks + int(state[scan.INDEX])
         return stop <= tile
+
+
+def rows_of(tiles: Tiles, geometry: Geometry) -> npt.NDArray[np.bool_]:
+    """Spikes of complete rows, (rows, columns) bool.
+
+    Args:
+        tiles: tiles of complete rows, tile 0 first, as `System.run` returns them.
+        geometry: geometry of the build.
+    """
+    bits = np.ascontiguousarray(tiles["bits"]).view(np.uint8).reshape(-1, 8)
+    lanes = np.unpackbits(bits, axis=1, bitorder="little")[:, : geometry.lanes]
+    return lanes.reshape(-1, geometry.tiles * geometry.lanes)[:, : geometry.columns].astype(bool)

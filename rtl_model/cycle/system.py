@@ -1,10 +1,8 @@
 """The board behind its serial line, clock by clock, with every register and memory of the map.
 
 Clock n is the n-th rising edge after reset, and "at clock n" means before that edge. A bus access
-is strobed at an edge. A write affects later edges. A read returns the value before its edge.
-
-This file also covers the board's counters of the serial line; a reset of the board does not clear
-them.
+is strobed at an edge. A write affects later edges. A read returns the value before its edge. A
+reset of the board does not clear its counters of the serial line.
 """
 
 from __future__ import annotations
@@ -27,34 +25,6 @@ from rtl_model.registers import (
     parameters,
     reset_value,
 )
-
-
-class LineCounters:
-    """The registers `uart_*`, as attributes without that prefix. They are read modulo 2^32."""
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Sets all counters to their values after power-on."""
-        self.rx_bytes = self.tx_bytes = 0
-        self.framing_errors = self.watchdog_aborts = self.unknown_commands = 0
-        self.writes = self.writes_crc = 0
-        self.shortest_low = 0xFFFFFFFF
-
-    def count_write(self, value: int) -> None:
-        """Counts one word written over the line."""
-        self.count_words(value.to_bytes(4, "big"))
-
-    def count_words(self, data: bytes) -> None:
-        """Counts words written over the line, big-endian."""
-        self.writes += len(data) // 4
-        self.writes_crc = zlib.crc32(data, self.writes_crc)
-
-    def read(self, name: str) -> int:
-        """The value of the register uart_`name`."""
-        return int(getattr(self, name)) & 0xFFFFFFFF
-
 
 _BY_ADDRESS = {register.address: register for register in REGISTERS}
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
@@ -369,3 +339,30 @@ class System:
 
     def _show(self, value: int) -> None:
         self._sink.left = value
+
+
+class LineCounters:
+    """The registers `uart_*`, as attributes without that prefix. They are read modulo 2^32."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Sets all counters to their values after power-on."""
+        self.rx_bytes = self.tx_bytes = 0
+        self.framing_errors = self.watchdog_aborts = self.unknown_commands = 0
+        self.writes = self.writes_crc = 0
+        self.shortest_low = 0xFFFFFFFF
+
+    def count_write(self, value: int) -> None:
+        """Counts one word written over the line."""
+        self.count_words(value.to_bytes(4, "big"))
+
+    def count_words(self, data: bytes) -> None:
+        """Counts words written over the line, big-endian."""
+        self.writes += len(data) // 4
+        self.writes_crc = zlib.crc32(data, self.writes_crc)
+
+    def read(self, name: str) -> int:
+        """The value of the register uart_`name`."""
+        return int(getattr(self, name)) & 0xFFFFFFFF

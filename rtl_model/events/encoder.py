@@ -1,9 +1,7 @@
 """The event encoder, clock by clock, compiled: what `viform_event_encoder` does at every edge.
 
-Names are those of the Verilog. A clock is computed from the registers before the edge, and all
-registers change at its end.
-
-This file also covers the size of one event path: the parameters of its Verilog.
+Names and sizes are those of the Verilog and its parameters. A clock is computed from the registers
+before the edge, and all registers change at its end.
 """
 
 from __future__ import annotations
@@ -19,6 +17,22 @@ from sensor.codec.bits import lowest_bit
 
 Output = npt.NDArray[np.void]
 Ready = npt.NDArray[np.uint8]
+CODE = 4
+"""Number of the code `event` in packets."""
+OUTPUT = np.dtype([("clock", "<u8"), ("data", "<u2"), ("last", "u1")], align=True)
+"""A word that has left: the edge at which it did, its bits, and whether it ends a packet."""
+_TILE, _GAP, _PLACE = range(3)
+_CLEAN, _RUN, _HEAD, _SWEEP, _TAIL = range(5)
+# Registers of the queue, in the order of the array `state`; E_*: the tile that came a clock before.
+LOST, SEEN, TAKING, JUMPED, LAST_FRAME, PLACED_GROUP, LEVEL, PUT, GET = range(9)
+LOST_ROWS, LOST_SPIKES, E_DUE, E_CYCLE, E_ROW, E_INDEX, E_BITS, VALID = range(9, 17)
+# Of the packet and its gaps; D_*: the pixel that was read a clock before; M_*: of the stream.
+PHASE, STEP, OPEN, PLACED, IN_GAP, GAP_SAID, GROUP, CRC = range(17, 25)
+SERVED, SWEEP_ROW, SWEEP_COLUMN, SWEPT = range(25, 29)
+DUE, D_SWEEP, D_CYCLE, D_ROW, D_COLUMN, D_PIXEL = range(29, 35)
+SAID, SAID_SWEEP, SAID_CYCLE, SAID_ROW = range(35, 39)
+M_VALID, M_DATA, M_LAST, LAST_ROW = range(39, 43)
+STATE = 43
 
 
 class EventSize(NamedTuple):
@@ -70,25 +84,6 @@ class EventSize(NamedTuple):
             "DEPTH": self.depth,
             "TILE": self.tile,
         }
-
-
-CODE = 4
-"""Number of the code `event` in packets."""
-OUTPUT = np.dtype([("clock", "<u8"), ("data", "<u2"), ("last", "u1")], align=True)
-"""A word that has left: the edge at which it did, its bits, and whether it ends a packet."""
-
-_TILE, _GAP, _PLACE = range(3)
-_CLEAN, _RUN, _HEAD, _SWEEP, _TAIL = range(5)
-# Registers of the queue, in the order of the array `state`; E_*: the tile that came a clock before.
-LOST, SEEN, TAKING, JUMPED, LAST_FRAME, PLACED_GROUP, LEVEL, PUT, GET = range(9)
-LOST_ROWS, LOST_SPIKES, E_DUE, E_CYCLE, E_ROW, E_INDEX, E_BITS, VALID = range(9, 17)
-# Of the packet and its gaps; D_*: the pixel that was read a clock before; M_*: of the stream.
-PHASE, STEP, OPEN, PLACED, IN_GAP, GAP_SAID, GROUP, CRC = range(17, 25)
-SERVED, SWEEP_ROW, SWEEP_COLUMN, SWEPT = range(25, 29)
-DUE, D_SWEEP, D_CYCLE, D_ROW, D_COLUMN, D_PIXEL = range(29, 35)
-SAID, SAID_SWEEP, SAID_CYCLE, SAID_ROW = range(35, 39)
-M_VALID, M_DATA, M_LAST, LAST_ROW = range(39, 43)
-STATE = 43
 
 
 def _table() -> npt.NDArray[np.int64]:

@@ -9,6 +9,22 @@ from rtl_model.gateware.targets import Target
 from rtl_model.gateware.top import TOP, ethernet_pins, pins
 from rtl_model.geometry import Geometry
 
+_LITEETH = """\
+LITEETH_GEN ?= liteeth_gen
+{core}: liteeth.yml
+\t$(LITEETH_GEN) --no-compile --output-dir liteeth liteeth.yml
+\tcp liteeth/gateware/{core} $@
+
+"""
+_TOOLS = """\
+YOSYS ?= yosys
+NEXTPNR ?= nextpnr-ecp5
+ECPPACK ?= ecppack
+LOADER ?= openFPGALoader
+DFU_SUFFIX ?= dfu-suffix
+DFU_UTIL ?= dfu-util
+"""
+
 
 def recipe(
     target: Target, sources: Sequence[str], constraint: str, *, core: str = ""
@@ -42,23 +58,6 @@ def recipe(
         + _load_rules(target)
         + "clean:\n\trm -rf viform.bit vivado.log timing.rpt utilization.rpt .Xil\n",
     }
-
-
-_LITEETH = """\
-LITEETH_GEN ?= liteeth_gen
-{core}: liteeth.yml
-\t$(LITEETH_GEN) --no-compile --output-dir liteeth liteeth.yml
-\tcp liteeth/gateware/{core} $@
-
-"""
-_TOOLS = """\
-YOSYS ?= yosys
-NEXTPNR ?= nextpnr-ecp5
-ECPPACK ?= ecppack
-LOADER ?= openFPGALoader
-DFU_SUFFIX ?= dfu-suffix
-DFU_UTIL ?= dfu-util
-"""
 
 
 def _ecp5(target: Target, modules: Sequence[str], constraint: str) -> str:

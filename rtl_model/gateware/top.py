@@ -1,7 +1,7 @@
-"""The top module of a target: viform_board with clock, power-on reset, serial line and LED.
+"""The top module of a target, and the constraints that give its ports pins and its clocks periods.
 
-This file also covers the top module of a target with Ethernet: LiteEth's core, viform_ethernet,
-clock, reset, LED.
+The module is viform_board with clock, power-on reset, LED and a serial line, or with Ethernet:
+LiteEth's core and viform_ethernet. Constraints are Lattice's .lpf and Xilinx's .xdc.
 """
 
 from __future__ import annotations
@@ -14,14 +14,24 @@ from rtl_model.geometry import Geometry
 
 TOP = "viform_top"
 """Name of the module; its file ends in `.v`."""
-
 PORTS = ("clk_in", "serial_rx", "serial_tx", "led")
 """Ports of the module, which the constraints assign to pins."""
-
 OPEN = {  # widths of the outputs of viform_board without a pin; 0: number of lanes
     "sink_valid": 1, "sink_row": 16, "sink_tile": 16, "sink_bits": 0, "tile_valid": 1,
     "tile_clock": 32, "tile_frame": 32, "tile_row": 16, "tile_index": 16, "tile_bits": 0,
     "soft_reset": 1,
+}  # fmt: skip
+CORE = "liteeth_core"
+"""Name of LiteEth's module; its file ends in `.v`."""
+_INPUTS = {
+    "clocks_ref_clk", "clocks_tx", "clocks_rx", "rx_data", "rx_dv", "rx_er", "rx_ctl", "crs_dv",
+    "col", "crs",
+}  # fmt: skip
+"""Ports of the core into the FPGA, except the transmit clock of RGMII."""
+_BUS = {  # AXI-Lite signals between the core and the board: width
+    "awaddr": 32, "awvalid": 1, "awready": 1, "wdata": 32, "wstrb": 4, "wvalid": 1, "wready": 1,
+    "bresp": 2, "bvalid": 1, "bready": 1, "araddr": 32, "arvalid": 1, "arready": 1, "rdata": 32,
+    "rresp": 2, "rvalid": 1, "rready": 1,
 }  # fmt: skip
 
 
@@ -73,40 +83,6 @@ endmodule
 """
 
 
-def life(what: str, line: str, clock_hz: int, *, led_low: bool) -> str:
-    """Verilog of the reset after configuration, and of the LED.
-
-    Args:
-        what: condition that makes the LED blink fast, for the comment.
-        line: expression that is low then.
-        clock_hz: frequency of `clk`, Hz.
-        led_low: whether a low level lights the LED.
-    """
-    beat = math.ceil(math.log2(clock_hz))  # bits of a counter that overflows in one to two seconds
-    hold = beat - 3
-    lit = f"held != {hold}'d0 ? beat[{beat - 4}] : beat[{beat - 1}]"
-    return f"""\
-    // Configuration sets the counter to 0, so reset is active from the first clock on.
-    reg [7:0] awake = 8'd0;
-    wire rst = awake != 8'hFF;
-    always @(posedge clk) if (rst) awake <= awake + 8'd1;
-
-    // The LED blinks slowly while the clock runs, and fast after {what}.
-    reg [{beat - 1}:0] beat = {beat}'d0;
-    reg [{hold - 1}:0] held = {hold}'d0;
-    reg [1:0] heard = 2'b11;
-    always @(posedge clk) begin
-        beat <= beat + {beat}'d1;
-        heard <= {{heard[0], {line}}};
-        if (!heard[1]) held <= {{{hold}{{1'b1}}}};
-        else if (held != {hold}'d0) held <= held - {hold}'d1;
-    end
-    wire lit = {lit};
-    assign led = {"!lit" if led_low else "lit"};
-
-"""
-
-
 def _clock(target: Target) -> str:
     if target.divide == 1:
         return "    wire clk = clk_in;\n"
@@ -118,35 +94,6 @@ def _clock(target: Target) -> str:
         "    wire clk;\n"
         "    BUFG clk_buffer (.I(half), .O(clk));\n"  # 7 series: a clock tree of its own
     )
-
-
-def span(bits: int) -> str:
-    return "" if bits == 1 else f"[{bits - 1}:0] "
-
-
-def wrapped(parts: list[str], width: int = 84) -> str:
-    """Parts with commas between them, on lines of at most `width` characters after eight blanks."""
-    lines = [""]
-    for part in parts:
-        if lines[-1] and len(lines[-1]) + len(part) + 2 > width:
-            lines.append("")
-        lines[-1] += (" " if lines[-1] else "") + part + ","
-    return "\n        ".join(lines).removesuffix(",")
-
-
-CORE = "liteeth_core"
-"""Name of LiteEth's module; its file ends in `.v`."""
-
-_INPUTS = {
-    "clocks_ref_clk", "clocks_tx", "clocks_rx", "rx_data", "rx_dv", "rx_er", "rx_ctl", "crs_dv",
-    "col", "crs",
-}  # fmt: skip
-"""Ports of the core into the FPGA, except the transmit clock of RGMII."""
-_BUS = {  # AXI-Lite signals between the core and the board: width
-    "awaddr": 32, "awvalid": 1, "awready": 1, "wdata": 32, "wstrb": 4, "wvalid": 1, "wready": 1,
-    "bresp": 2, "bvalid": 1, "bready": 1, "araddr": 32, "arvalid": 1, "arready": 1, "rdata": 32,
-    "rresp": 2, "rvalid": 1, "rready": 1,
-}  # fmt: skip
 
 
 def ethernet_pins(target: Target, ethernet: Ethernet) -> dict[str, str]:
@@ -244,3 +191,114 @@ def _ethernet_clock(target: Target, ethernet: Ethernet) -> str:
         "    wire clk;\n"
         "    BUFG clk_buffer (.I(half), .O(clk));\n"
     )
+
+
+def life(what: str, line: str, clock_hz: int, *, led_low: bool) -> str:
+    """Verilog of the reset after configuration, and of the LED.
+
+    Args:
+        what: condition that makes the LED blink fast, for the comment.
+        line: expression that is low then.
+        clock_hz: frequency of `clk`, Hz.
+        led_low: whether a low level lights the LED.
+    """
+    beat = math.ceil(math.log2(clock_hz))  # bits of a counter that overflows in one to two seconds
+    hold = beat - 3
+    lit = f"held != {hold}'d0 ? beat[{beat - 4}] : beat[{beat - 1}]"
+    return f"""\
+    // Configuration sets the counter to 0, so reset is active from the first clock on.
+    reg [7:0] awake = 8'd0;
+    wire rst = awake != 8'hFF;
+    always @(posedge clk) if (rst) awake <= awake + 8'd1;
+
+    // The LED blinks slowly while the clock runs, and fast after {what}.
+    reg [{beat - 1}:0] beat = {beat}'d0;
+    reg [{hold - 1}:0] held = {hold}'d0;
+    reg [1:0] heard = 2'b11;
+    always @(posedge clk) begin
+        beat <= beat + {beat}'d1;
+        heard <= {{heard[0], {line}}};
+        if (!heard[1]) held <= {{{hold}{{1'b1}}}};
+        else if (held != {hold}'d0) held <= held - {hold}'d1;
+    end
+    wire lit = {lit};
+    assign led = {"!lit" if led_low else "lit"};
+
+"""
+
+
+def span(bits: int) -> str:
+    return "" if bits == 1 else f"[{bits - 1}:0] "
+
+
+def wrapped(parts: list[str], width: int = 84) -> str:
+    """Parts with commas between them, on lines of at most `width` characters after eight blanks."""
+    lines = [""]
+    for part in parts:
+        if lines[-1] and len(lines[-1]) + len(part) + 2 > width:
+            lines.append("")
+        lines[-1] += (" " if lines[-1] else "") + part + ","
+    return "\n        ".join(lines).removesuffix(",")
+
+
+def constraints(target: Target, ethernet: Ethernet | None = None) -> tuple[str, str]:
+    """Name and text of a target's constraint file.
+
+    The serial line and the LED are asynchronous to the clock. `serial_rx` has a pull-up, so that an
+    unconnected line is idle.
+
+    Args:
+        target: the board.
+        ethernet: its PHY, None for a serial line.
+    """
+    ports = pins(target) if ethernet is None else ethernet_pins(target, ethernet)
+    if target.device.family == "ecp5":
+        return "viform.lpf", _lpf(target, ports, ethernet)
+    return "viform.xdc", _xdc(target, ports, ethernet)
+
+
+def _lpf(target: Target, ports: dict[str, str], ethernet: Ethernet | None) -> str:
+    lines = [f"# {target.board}, {target.part}"]
+    for port, pin in ports.items():
+        pull = " PULLMODE=UP" if port == "serial_rx" else ""
+        lines.append(f'LOCATE COMP "{port}" SITE "{pin}";')
+        lines.append(f'IOBUF PORT "{port}" IO_TYPE={target.io_standard}{pull};')
+    lines.append(f'FREQUENCY PORT "clk_in" {target.pin_hz / 1e6:g} MHZ;')
+    if ethernet is not None:
+        name, hz = ethernet.rx_clock
+        lines.append(f'FREQUENCY PORT "{ethernet.kind}_{name}" {hz / 1e6:g} MHZ;')
+    return "\n".join(lines) + "\n"
+
+
+def _xdc(target: Target, ports: dict[str, str], ethernet: Ethernet | None) -> str:
+    lines = [f"# {target.board}, {target.part}"]
+    for port, pin in ports.items():
+        pull = " PULLTYPE PULLUP" if port == "serial_rx" else ""
+        name = f"{{{port}}}" if "[" in port else port
+        lines.append(
+            f"set_property -dict {{ PACKAGE_PIN {pin} IOSTANDARD {target.io_standard}{pull} }} "
+            f"[get_ports {name}]"
+        )
+    lines.append(f"create_clock -name clk_in -period {1e9 / target.pin_hz:.3f} [get_ports clk_in]")
+    if target.divide != 1:
+        lines.append(
+            f"create_generated_clock -name clk -source [get_ports clk_in] "
+            f"-divide_by {target.divide} [get_pins half_reg/Q]"
+        )
+    if ethernet is None:
+        lines += [
+            "set_false_path -from [get_ports serial_rx]",
+            "set_false_path -to [get_ports {serial_tx led}]",
+        ]
+    else:
+        lines.append("set_false_path -to [get_ports {led eth_ref_clk}]")
+        for name in ("clocks_rx", "clocks_tx"):
+            port = f"{ethernet.kind}_{name}"
+            period = 1e9 / ethernet.rx_clock[1]
+            lines.append(f"create_clock -name {name} -period {period:.3f} [get_ports {port}]")
+        lines.append("set_clock_groups -asynchronous -group clk -group clocks_rx -group clocks_tx")
+    lines += [
+        "set_property CFGBVS VCCO [current_design]",
+        "set_property CONFIG_VOLTAGE 3.3 [current_design]",
+    ]
+    return "\n".join(lines) + "\n"

@@ -36,10 +36,15 @@ _POLL_S = 0.01  # interval at which a read checks its deadline
 _COUNTED_S = 0.1  # most of the time between two such looks that counts
 _TIMERS = Path("/sys/bus/usb-serial/devices")
 _WRITE_S = 1.0  # shortest time limit of a write
-
-
 Level = Literal["on", "off"]
 """State of a modem line: asserted or not."""
+_CAUSES = {
+    errno.EACCES: Cause.PERMISSION,
+    errno.EPERM: Cause.PERMISSION,
+    errno.EBUSY: Cause.BUSY,
+    errno.EAGAIN: Cause.BUSY,  # flock: another program uses it
+    errno.EWOULDBLOCK: Cause.BUSY,
+}
 
 
 class Lines(NamedTuple):
@@ -293,15 +298,6 @@ def ports_here() -> list[str]:
 
     found = sorted(list_ports.comports(), key=lambda port: str(port.device))
     return [f"{port.device} ({port.description or 'n/a'})" for port in found]
-
-
-_CAUSES = {
-    errno.EACCES: Cause.PERMISSION,
-    errno.EPERM: Cause.PERMISSION,
-    errno.EBUSY: Cause.BUSY,
-    errno.EAGAIN: Cause.BUSY,  # flock: another program uses it
-    errno.EWOULDBLOCK: Cause.BUSY,
-}
 
 
 def _refused(url: str, error: BaseException) -> LineFault:

@@ -1,10 +1,8 @@
-"""A port that answers from a log, without a board.
+"""The log of a line, read and checked event by event, and a port that answers from it, without a
+board.
 
 The host must send the logged requests. At the first difference LineFault DIFFERS states what the
-host sent, what the log contains, and the line.
-
-This file also covers the events in a log of the line, as `LineLog` writes them, and the reader that
-checks them.
+host sent, what the log contains, and the line. Events are as `LineLog` writes them.
 """
 
 from __future__ import annotations
@@ -20,6 +18,11 @@ from cosim.errors import quote, shorten
 from rtl_model.host.faults import Cause, LineFault
 from rtl_model.host.log import FORMAT
 
+Hex = Annotated[str, Field(pattern=r"^(?:[0-9a-f]{2})*$")]
+Count = Annotated[int, Field(ge=0, lt=2**32)]
+Seconds = Annotated[FiniteFloat, Field(ge=-1e9, le=1e9)]
+_ANSWER = 4 * 255  # bytes of the longest answer
+
 
 def _printable(text: str) -> str:
     if not text.isprintable():
@@ -28,9 +31,6 @@ def _printable(text: str) -> str:
 
 
 Text = Annotated[str, Field(max_length=500), AfterValidator(_printable)]
-Hex = Annotated[str, Field(pattern=r"^(?:[0-9a-f]{2})*$")]
-Count = Annotated[int, Field(ge=0, lt=2**32)]
-Seconds = Annotated[FiniteFloat, Field(ge=-1e9, le=1e9)]
 
 
 class _Event(BaseModel):
@@ -147,7 +147,9 @@ class Datagram(_Event):
 
 
 AnyEvent = Opened | Request | Answer | Stray | Dropped | Datagram
+
 LogEvent = Annotated[AnyEvent, Field(discriminator="event")]
+
 _EVENT: Final[TypeAdapter[AnyEvent]] = TypeAdapter(LogEvent)
 
 
@@ -196,9 +198,6 @@ def _bad(path: Path, number: int, line: str) -> InputError:
         f"line {number} of {path}", f"an event of a {FORMAT} log", quote(line),
         "give an unchanged log, written with --log",
     )  # fmt: skip
-
-
-_ANSWER = 4 * 255  # bytes of the longest answer
 
 
 class ReplayPort:

@@ -1,4 +1,4 @@
-"""The buffer between the row scan and the link to the host, row by row.
+"""The buffer between the row scan and the link to the host, row by row, and in closed form.
 
 The scan cannot wait: its rows come at fixed times. The link takes bits from the buffer at its own
 rate, in their order. A row is accepted whole or not at all, by the room at its start, as the
@@ -11,13 +11,10 @@ Lost rows, fill and delays depend on the times alone, not on the light. All numb
 are integer picoseconds, and the fill counts 1e-9 bit, of which a link of b kbit/s takes b in a
 picosecond. The section [readout] therefore has whole kbit/s.
 
-This file also covers what a link behind the row scan must carry, in closed form, and what one that
-is slower loses.
-
-Of R rows of 1024 bit a scan, each in tau = 25 ns, at b bit/s: a buffer that was empty at the first
-row holds (n + 1) 1024 - n b tau bits when row n has begun, for b up to the rate of the chip. All
-rows of a scan fit into B bytes if that is at most 8 B for n = R - 1, and the buffer is empty again
-at the next scan if R 1024 bits leave in a cycle.
+What a link must carry has a closed form. Of R rows of 1024 bit a scan, each in tau = 25 ns, at
+b bit/s: a buffer that was empty at the first row holds (n + 1) 1024 - n b tau bits when row n has
+begun, for b up to the rate of the chip. All rows of a scan fit into B bytes if that is at most 8 B
+for n = R - 1, and the buffer is empty again at the next scan if R 1024 bits leave in a cycle.
 """
 
 from __future__ import annotations
@@ -36,7 +33,6 @@ from cosim.stage import State
 from rtl_model.readout.scan import BIT_RATE, BLOCK_PS, ScanTiming
 
 Kept = npt.NDArray[np.bool_]
-
 ROW_BYTES: Final = 2 * BLOCK_BYTES
 ROW_PS: Final = 2 * BLOCK_PS
 """Duration of a row on the chip's output, ps."""
@@ -45,38 +41,9 @@ _BIT: Final = 10**9
 _FINE: Final = 10
 """Binary digits of a delay by which the histogram tells it from others, after the first one."""
 _BINS: Final = 54 << _FINE
-
-
-@njit(cache=True, nogil=True)
-def _scan(starts, row_ps, row, room, drain, state, kept, peak, histogram, fine):  # type: ignore[no-untyped-def]
-    """Passes rows through the buffer; see `RowBuffer.scan`.
-
-    starts: start of each scan, ps. row, room: a row and the buffer, 1e-9 bit. drain: of the link,
-    1e-9 bit/ps. state: fill, its time, least and largest delay (ps); changed, like kept (scans,
-    rows), peak (scans,) and histogram.
-    """
-    fill, at, least, most = state[0], state[1], state[2], state[3]
-    for k in range(kept.shape[0]):
-        high = np.int64(0)
-        for n in range(kept.shape[1]):
-            start = starts[k] + n * row_ps
-            passed = start - at
-            fill = np.int64(0) if passed > fill // drain else fill - passed * drain
-            at = start
-            kept[k, n] = fill + row <= room
-            if not kept[k, n]:
-                high = max(high, fill)
-                continue
-            fill += row
-            high = max(high, fill)
-            delay = n * row_ps + max(row_ps, -(-fill // drain))
-            least, most = min(least, delay), max(most, delay)
-            shift = 0
-            while delay >> shift >= 2 << fine:
-                shift += 1
-            histogram[(shift << fine) + (delay >> shift)] += 1
-        peak[k] = high
-    state[0], state[1], state[2], state[3] = fill, at, least, most
+_ROW_BITS: Final = ROW_BYTES * 8
+_MOST: Final = 4000
+"""Cycles of a run whose losses a plan computes, at most."""
 
 
 class RowBuffer:
@@ -154,34 +121,36 @@ class RowBuffer:
         self.offered, self.lost = (int(n) for n in values[2])
 
 
-_ROW_BITS: Final = ROW_BYTES * 8
-_MOST: Final = 4000
-"""Cycles of a run whose losses a plan computes, at most."""
+@njit(cache=True, nogil=True)
+def _scan(starts, row_ps, row, room, drain, state, kept, peak, histogram, fine):  # type: ignore[no-untyped-def]
+    """Passes rows through the buffer; see `RowBuffer.scan`.
 
-
-def needed_rate(timing: ScanTiming, size: int) -> int:
-    """Least rate at which a link loses no row, bit/s, rounded up to kbit/s.
-
-    Args:
-        timing: timing of the scan.
-        size: size of the buffer, bytes.
+    starts: start of each scan, ps. row, room: a row and the buffer, 1e-9 bit. drain: of the link,
+    1e-9 bit/ps. state: fill, its time, least and largest delay (ps); changed, like kept (scans,
+    rows), peak (scans,) and histogram.
     """
-    rows, hz = timing.blocks // 2, timing.clock.num / timing.clock.den
-    rate = rows * _ROW_BITS * hz
-    if rows > 1:
-        spare = (size * 8 - _ROW_BITS) / (rows - 1)
-        rate = max(rate, (_ROW_BITS - spare) * PS / ROW_PS)
-    return math.ceil(rate / 1000 * (1 - 1e-12)) * 1000
-
-
-def needed_buffer(timing: ScanTiming, rate: int) -> int | None:
-    """Least buffer with which a link of `rate` bit/s loses no row, bytes; None if the scan brings
-    more than the link carries."""
-    rows, clock = timing.blocks // 2, timing.clock
-    if rows * _ROW_BITS * clock.num > rate * clock.den:
-        return None
-    left = min(rate, BIT_RATE) * ROW_PS * (rows - 1) // PS
-    return max(ROW_BYTES, -(-(rows * _ROW_BITS - left) // 8))
+    fill, at, least, most = state[0], state[1], state[2], state[3]
+    for k in range(kept.shape[0]):
+        high = np.int64(0)
+        for n in range(kept.shape[1]):
+            start = starts[k] + n * row_ps
+            passed = start - at
+            fill = np.int64(0) if passed > fill // drain else fill - passed * drain
+            at = start
+            kept[k, n] = fill + row <= room
+            if not kept[k, n]:
+                high = max(high, fill)
+                continue
+            fill += row
+            high = max(high, fill)
+            delay = n * row_ps + max(row_ps, -(-fill // drain))
+            least, most = min(least, delay), max(most, delay)
+            shift = 0
+            while delay >> shift >= 2 << fine:
+                shift += 1
+            histogram[(shift << fine) + (delay >> shift)] += 1
+        peak[k] = high
+    state[0], state[1], state[2], state[3] = fill, at, least, most
 
 
 @dataclass(frozen=True)
@@ -225,3 +194,28 @@ class Needs:
     def document(self) -> dict[str, Any]:
         """The key `readout` of `viform plan --json`."""
         return asdict(self)
+
+
+def needed_rate(timing: ScanTiming, size: int) -> int:
+    """Least rate at which a link loses no row, bit/s, rounded up to kbit/s.
+
+    Args:
+        timing: timing of the scan.
+        size: size of the buffer, bytes.
+    """
+    rows, hz = timing.blocks // 2, timing.clock.num / timing.clock.den
+    rate = rows * _ROW_BITS * hz
+    if rows > 1:
+        spare = (size * 8 - _ROW_BITS) / (rows - 1)
+        rate = max(rate, (_ROW_BITS - spare) * PS / ROW_PS)
+    return math.ceil(rate / 1000 * (1 - 1e-12)) * 1000
+
+
+def needed_buffer(timing: ScanTiming, rate: int) -> int | None:
+    """Least buffer with which a link of `rate` bit/s loses no row, bytes; None if the scan brings
+    more than the link carries."""
+    rows, clock = timing.blocks // 2, timing.clock
+    if rows * _ROW_BITS * clock.num > rate * clock.den:
+        return None
+    left = min(rate, BIT_RATE) * ROW_PS * (rows - 1) // PS
+    return max(ROW_BYTES, -(-(rows * _ROW_BITS - left) // 8))

@@ -22,6 +22,12 @@ from cosim.files.raw_layout import BLOCK_BYTES, FRAME_BYTES, HALF, RAW_SIZE, TAB
 from cosim.spikes.viform import Words, unpack_planes, words_for
 
 Bytes = npt.NDArray[np.uint8]
+BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
+"""Rate of the chip's output, bit/s: 40.96 Gbit/s."""
+BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE
+"""Duration of a block of 512 bits, ps: exactly 12 500."""
+_LOCAL: Final = 8
+"""Blocks of a work-group; a fixed size lets PoCL compile the kernel only once."""
 
 
 class Window(NamedTuple):
@@ -71,12 +77,6 @@ class Window(NamedTuple):
         column = np.arange(RAW_SIZE[0])
         inside = (column >= self.columns[0]) & (column <= self.columns[1])
         return inside.reshape(2, HALF)
-
-
-BIT_RATE: Final = FRAME_BYTES * 8 * 40_000
-"""Rate of the chip's output, bit/s: 40.96 Gbit/s."""
-BLOCK_PS: Final = BLOCK_BYTES * 8 * PS // BIT_RATE
-"""Duration of a block of 512 bits, ps: exactly 12 500."""
 
 
 class ScanTiming:
@@ -133,10 +133,6 @@ def read_in_numpy(words: Words, cycles: int, window: Window | None = None) -> np
     raw = np.packbits(bits, axis=2, bitorder="little")
     raw[..., -2:] |= window.markers.astype("<u2").view(np.uint8).reshape(-1, 2)
     return raw
-
-
-_LOCAL: Final = 8
-"""Blocks of a work-group; a fixed size lets PoCL compile the kernel only once."""
 
 
 class Readout:

@@ -32,11 +32,11 @@ SPECIFIC_ADDRESS = 0x300
 """Lowest byte address of the registers of one kind of imager."""
 CONSTANT = "config_viform_imager"
 """Constant in csr.csv that names the imager."""
-
 Update = Literal["now", "frame", "cycle"]
 """Instant at which a written value takes effect: at once, at the next frame or cycle."""
-
 IDENTIFIER: Memory = next(memory for memory in MEMORIES if memory.name == "identifier_mem")
+NO_DEVICES: Devices = MappingProxyType({})
+"""What a host knows whose caller passes no device: the board of the spike camera alone."""
 
 
 def head() -> tuple[Register, ...]:
@@ -173,5 +173,3 @@ class Device(Protocol):
 
 Devices = Mapping[str, Device]
 """Devices by name."""
-NO_DEVICES: Devices = MappingProxyType({})
-"""What a host knows whose caller passes no device: the board of the spike camera alone."""

@@ -1,16 +1,13 @@
-"""Opening of a board by its address, `serial:PORT[,BAUD][,dtr=off][,rts=off]` or
-`udp:HOST[:PORT]`.
+"""A board that stands in for a part of a run: opened by its address, and stepped frame by frame.
 
-PORT of a serial line is a device, a URL of pyserial, or `virtual`. The simulator is only imported
-for a virtual board.
+An address is `serial:PORT[,BAUD][,dtr=off][,rts=off]` or `udp:HOST[:PORT]`. PORT of a serial line
+is a device, a URL of pyserial, or `virtual`. The simulator is only imported for a virtual board.
 
-This file also covers the stepping of a board: exactly as many frames as requested.
-
-A frame starts when `sensor_run` is 1 and no frame is in progress. A started frame is completed. The
-host writes 1 and then 0 in one packet, and the tick is longer than a word on the line. Such a pulse
-starts one frame, or none if the previous frame has not ended, and never two. The board's frame
-counter shows how many are missing. The tick is longer than at 40 kHz, so a stepped board computes
-the planes of the ticks but does not run in real time.
+A step is exactly as many frames as requested. A frame starts when `sensor_run` is 1 and no frame is
+in progress. A started frame is completed. The host writes 1 and then 0 in one packet, and the tick
+is longer than a word on the line. Such a pulse starts one frame, or none if the previous frame has
+not ended, and never two. The board's frame counter shows how many are missing. The tick is longer
+than at 40 kHz, so a stepped board computes the planes of the ticks but does not run in real time.
 """
 
 from __future__ import annotations
@@ -30,6 +27,16 @@ _BAUD: Final = Geometry().baud
 _VIRTUAL: Final = "virtual"
 _VIRTUAL_BAUD: Final = 3_000_000
 """Baud of a virtual board, which determines the duration of a step (see `stepping`)."""
+_TICK_WORDS: Final = 6
+"""Shortest tick, words on the line. A pulse is one word, and the line may pause briefly."""
+_APART: Final = 4 / 3
+"""Distance of pulses, ticks."""
+_PACKET: Final = 240
+"""Most words of a packet."""
+_PROBED: Final = 8
+"""Words read to measure the clocks of one word; a simulated line may take none."""
+_STALLS: Final = 100
+"""Consecutive packets without a frame before a fault is raised."""
 
 
 class OpenBoard(NamedTuple):
@@ -44,6 +51,37 @@ class OpenBoard(NamedTuple):
     board: Board
     info: BoardInfo
     name: str
+
+
+@contextmanager
+def open_board(address: str, key: str, virtual: Geometry | None = None) -> Iterator[OpenBoard]:
+    """Opens the board at an address, and closes it at the end of the context.
+
+    A fault of the line, at the start or during use, raises InputError.
+
+    Args:
+        address: address as in `parse_address`.
+        key: key of the scenario, for messages.
+        virtual: geometry of a virtual board, which is the cycle model; the default one if None.
+    """
+    port, baud, lines = parse_address(address, key)
+    try:
+        if port == _VIRTUAL:
+            from rtl_model.virtual import VirtualBoard
+
+            geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
+            with VirtualBoard(geometry, level="model") as served:
+                yield from _connected(
+                    served.port, _VIRTUAL_BAUD, "the virtual board", True, served.time_scale, lines
+                )
+        else:
+            simulated = is_loopback(port) if is_udp(port) else is_pty(port)
+            yield from _connected(port, baud, f"the board at {port}", simulated, 1.0, lines)
+    except LineFault as fault:
+        raise InputError(
+            f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",
+            fault.advice,
+        ) from fault  # fmt: skip
 
 
 def parse_address(address: str, key: str) -> tuple[str, int, Lines]:
@@ -89,37 +127,6 @@ def parse_address(address: str, key: str) -> tuple[str, int, Lines]:
     return port, int(baud), Lines(**levels)
 
 
-@contextmanager
-def open_board(address: str, key: str, virtual: Geometry | None = None) -> Iterator[OpenBoard]:
-    """Opens the board at an address, and closes it at the end of the context.
-
-    A fault of the line, at the start or during use, raises InputError.
-
-    Args:
-        address: address as in `parse_address`.
-        key: key of the scenario, for messages.
-        virtual: geometry of a virtual board, which is the cycle model; the default one if None.
-    """
-    port, baud, lines = parse_address(address, key)
-    try:
-        if port == _VIRTUAL:
-            from rtl_model.virtual import VirtualBoard
-
-            geometry = (virtual or Geometry())._replace(baud=_VIRTUAL_BAUD)
-            with VirtualBoard(geometry, level="model") as served:
-                yield from _connected(
-                    served.port, _VIRTUAL_BAUD, "the virtual board", True, served.time_scale, lines
-                )
-        else:
-            simulated = is_loopback(port) if is_udp(port) else is_pty(port)
-            yield from _connected(port, baud, f"the board at {port}", simulated, 1.0, lines)
-    except LineFault as fault:
-        raise InputError(
-            f"the board of {key}", "one that answers without a fault", f"at fault: {fault.text}",
-            fault.advice,
-        ) from fault  # fmt: skip
-
-
 def _connected(
     port: str, baud: int, name: str, simulated: bool, time_scale: float, lines: Lines
 ) -> Iterator[OpenBoard]:
@@ -130,18 +137,6 @@ def _connected(
         bone.resynchronise()
         board = Board(bone)
         yield OpenBoard(board, board.info(), name)
-
-
-_TICK_WORDS: Final = 6
-"""Shortest tick, words on the line. A pulse is one word, and the line may pause briefly."""
-_APART: Final = 4 / 3
-"""Distance of pulses, ticks."""
-_PACKET: Final = 240
-"""Most words of a packet."""
-_PROBED: Final = 8
-"""Words read to measure the clocks of one word; a simulated line may take none."""
-_STALLS: Final = 100
-"""Consecutive packets without a frame before a fault is raised."""
 
 
 class Stepper:

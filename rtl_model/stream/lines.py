@@ -1,7 +1,5 @@
-"""A sensor's data lanes to tiles (`viform_lane.v`, `viform_lines.v`), edge by edge.
-
-This file also covers a sensor's side of its data lanes: rows as lane words, and faults of a lane in
-bits.
+"""A sensor's data lanes: rows as lane words with faults in bits, and lane words to tiles
+(`viform_lane.v`, `viform_lines.v`), edge by edge.
 
 Each lane carries eight columns of every tile, one word (eight bits, the earliest in bit 0) a clock:
 the training word in pauses, and for a row the marker, the row's head, the bits and a CRC-8.
@@ -24,59 +22,6 @@ TRAINING = 0xE9
 """Word of a pause. Its rotations differ from each other in four bits or more."""
 MARKER = 0x02
 """First word of a row. It differs from all rotations of the training word in four bits or more."""
-
-
-def check_word(words: Iterable[int]) -> int:
-    """CRC-8 of words: x^8 + x^2 + x + 1 from FF, most significant bit first, not inverted."""
-    return int(crc8.smbus(bytes(words), 0xFF))
-
-
-def lane_words(
-    planes: Mapping[int, npt.NDArray[np.bool_]], geometry: Geometry, *, training: int, pause: int
-) -> npt.NDArray[np.uint8]:
-    """The words of all lanes, (clocks, lanes) uint8.
-
-    Args:
-        planes: (rows, columns) bool by number.
-        geometry: geometry of the sensor; `lanes` is the width of a tile, eight columns a data lane.
-        training: clocks of training before the first row.
-        pause: clocks of training after each row, at least four.
-    """
-    wires = geometry.lanes // 8
-    parts = [np.full((training, wires), TRAINING, np.uint8)]
-    for number, plane in planes.items():
-        wide = np.zeros((geometry.rows, geometry.tiles * geometry.lanes), bool)
-        wide[:, : geometry.columns] = plane
-        words = np.packbits(wide, axis=1, bitorder="little").reshape(geometry.rows, -1, wires)
-        for row in range(geometry.rows):
-            head = [row & 255, (number & 15) << 4 | row >> 8, number >> 4 & 255]
-            lanes = [head + words[row, :, wire].tolist() for wire in range(wires)]
-            full = [[MARKER, *lane, check_word(lane)] for lane in lanes]
-            parts += [np.array(full, np.uint8).T, np.full((pause, wires), TRAINING, np.uint8)]
-    return np.concatenate(parts)
-
-
-def disturbed(
-    lane: npt.NDArray[np.uint8], *, slips: Sequence[tuple[int, int]] = (), wrong: Sequence[int] = ()
-) -> npt.NDArray[np.uint8]:
-    """A lane with bit errors, then bit slips; its length stays.
-
-    Args:
-        lane: words, (clocks,) uint8.
-        slips: (place in bits, count): so many zeros are put in there, or, below 0, bits taken out.
-        wrong: places of inverted bits.
-    """
-    bits = np.unpackbits(lane, bitorder="little")
-    bits[list(wrong)] ^= 1
-    for place, count in sorted(slips, reverse=True):
-        if count > 0:
-            bits = np.insert(bits, place, np.zeros(count, np.uint8))
-        else:
-            bits = np.delete(bits, slice(place, place - count))
-    missing = max(0, 8 * lane.size - bits.size)
-    return np.packbits(np.pad(bits, (0, missing))[: 8 * lane.size], bitorder="little")
-
-
 FIND = 4
 """Training words in a row that are an alignment."""
 LOSE = 4
@@ -84,63 +29,6 @@ LOSE = 4
 SKEW = 3
 """Largest difference between two lanes, clocks of eight bits."""
 _HEAD = 3  # words between marker and bits
-
-
-class Lane:
-    """Word alignment of one lane.
-
-    Args:
-        row_words: words of a row after its marker.
-
-    Attributes:
-        word: aligned, or not yet; before the next edge.
-        aligned: whether it is.
-        losses: losses of the alignment, each counted an edge after it.
-    """
-
-    def __init__(self, row_words: int) -> None:
-        self.row_words = row_words
-        self.word = self._before = 0
-        self.aligned = False
-        self.losses = self._lost = 0
-        self._slip = 0
-        self._settles = False
-        self._run = 0  # of training words, or of wrong ones
-        self._left = 0  # words of the row
-
-    @property
-    def marker(self) -> bool:
-        """Whether `word` opens a row."""
-        return self.aligned and not self._left and self.word == MARKER
-
-    def edge(self, bits: int) -> None:
-        """A clock edge with eight bits, the earliest in bit 0."""
-        self.losses, self._lost = self.losses + self._lost, 0
-        word, slip = self.word, self._slip
-        if not self.aligned:
-            self._search(word == TRAINING)
-        elif self._left:
-            self._left -= 1
-        elif word == MARKER:
-            self._left, self._run = self.row_words, 0
-        else:
-            self._run = 0 if word == TRAINING else self._run + 1
-            if self._run == LOSE:
-                self.aligned, self._run, self._lost = False, 0, 1
-        self.word = (bits << 8 | self._before) >> slip & 0xFF
-        self._before = bits
-
-    def _search(self, trains: bool) -> None:
-        if self._settles:
-            self._settles = False
-        elif trains:
-            self._run += 1
-            if self._run == FIND:
-                self.aligned, self._run = True, 0
-        else:
-            self._run = 0
-            self._slip = (self._slip + 1) % 8
-            self._settles = True
 
 
 class Lines:
@@ -211,3 +99,111 @@ class Lines:
             self._leaving.append(
                 Tile(self._frame, row, index, int.from_bytes(bytes(tile), "little"))
             )
+
+
+class Lane:
+    """Word alignment of one lane.
+
+    Args:
+        row_words: words of a row after its marker.
+
+    Attributes:
+        word: aligned, or not yet; before the next edge.
+        aligned: whether it is.
+        losses: losses of the alignment, each counted an edge after it.
+    """
+
+    def __init__(self, row_words: int) -> None:
+        self.row_words = row_words
+        self.word = self._before = 0
+        self.aligned = False
+        self.losses = self._lost = 0
+        self._slip = 0
+        self._settles = False
+        self._run = 0  # of training words, or of wrong ones
+        self._left = 0  # words of the row
+
+    @property
+    def marker(self) -> bool:
+        """Whether `word` opens a row."""
+        return self.aligned and not self._left and self.word == MARKER
+
+    def edge(self, bits: int) -> None:
+        """A clock edge with eight bits, the earliest in bit 0."""
+        self.losses, self._lost = self.losses + self._lost, 0
+        word, slip = self.word, self._slip
+        if not self.aligned:
+            self._search(word == TRAINING)
+        elif self._left:
+            self._left -= 1
+        elif word == MARKER:
+            self._left, self._run = self.row_words, 0
+        else:
+            self._run = 0 if word == TRAINING else self._run + 1
+            if self._run == LOSE:
+                self.aligned, self._run, self._lost = False, 0, 1
+        self.word = (bits << 8 | self._before) >> slip & 0xFF
+        self._before = bits
+
+    def _search(self, trains: bool) -> None:
+        if self._settles:
+            self._settles = False
+        elif trains:
+            self._run += 1
+            if self._run == FIND:
+                self.aligned, self._run = True, 0
+        else:
+            self._run = 0
+            self._slip = (self._slip + 1) % 8
+            self._settles = True
+
+
+def lane_words(
+    planes: Mapping[int, npt.NDArray[np.bool_]], geometry: Geometry, *, training: int, pause: int
+) -> npt.NDArray[np.uint8]:
+    """The words of all lanes, (clocks, lanes) uint8.
+
+    Args:
+        planes: (rows, columns) bool by number.
+        geometry: geometry of the sensor; `lanes` is the width of a tile, eight columns a data lane.
+        training: clocks of training before the first row.
+        pause: clocks of training after each row, at least four.
+    """
+    wires = geometry.lanes // 8
+    parts = [np.full((training, wires), TRAINING, np.uint8)]
+    for number, plane in planes.items():
+        wide = np.zeros((geometry.rows, geometry.tiles * geometry.lanes), bool)
+        wide[:, : geometry.columns] = plane
+        words = np.packbits(wide, axis=1, bitorder="little").reshape(geometry.rows, -1, wires)
+        for row in range(geometry.rows):
+            head = [row & 255, (number & 15) << 4 | row >> 8, number >> 4 & 255]
+            lanes = [head + words[row, :, wire].tolist() for wire in range(wires)]
+            full = [[MARKER, *lane, check_word(lane)] for lane in lanes]
+            parts += [np.array(full, np.uint8).T, np.full((pause, wires), TRAINING, np.uint8)]
+    return np.concatenate(parts)
+
+
+def disturbed(
+    lane: npt.NDArray[np.uint8], *, slips: Sequence[tuple[int, int]] = (), wrong: Sequence[int] = ()
+) -> npt.NDArray[np.uint8]:
+    """A lane with bit errors, then bit slips; its length stays.
+
+    Args:
+        lane: words, (clocks,) uint8.
+        slips: (place in bits, count): so many zeros are put in there, or, below 0, bits taken out.
+        wrong: places of inverted bits.
+    """
+    bits = np.unpackbits(lane, bitorder="little")
+    bits[list(wrong)] ^= 1
+    for place, count in sorted(slips, reverse=True):
+        if count > 0:
+            bits = np.insert(bits, place, np.zeros(count, np.uint8))
+        else:
+            bits = np.delete(bits, slice(place, place - count))
+    missing = max(0, 8 * lane.size - bits.size)
+    return np.packbits(np.pad(bits, (0, missing))[: 8 * lane.size], bitorder="little")
+
+
+def check_word(words: Iterable[int]) -> int:
+    """CRC-8 of words: x^8 + x^2 + x + 1 from FF, most significant bit first, not inverted."""
+    return int(crc8.smbus(bytes(words), 0xFF))

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+# UDP over IPv4: headers of 8 and 20 bytes in a frame of 1500 (RFC 768, RFC 791). Ethernet: 14 bytes
+# of header, 4 of check sequence, 8 of preamble and a gap of 12 (IEEE 802.3, clauses 3 and 4).
+_UDP = (8 * (1500 - 28), 8 * (28 + 14 + 4 + 8 + 12))
+_UDP_SOURCE = "IEEE 802.3; UDP over IPv4 (RFC 768, RFC 791) in frames of 1500 bytes"
+# A memory write of 256 bytes has six words of 32 bits around it: framing, sequence number, LCRC,
+# and a header of four (Intel AN 829, "Understanding PCI Express Throughput").
+_PCIE = (8 * 256, 32 * 6)
+_PCIE_SOURCE = "PCI Express Base 2.0, 3.0; Intel AN 829; writes of 256 bytes"
+
 
 class Link(NamedTuple):
     """A link from an FPGA board to a host.
@@ -26,15 +35,6 @@ class Link(NamedTuple):
         """Most bits of payload a second. No link exceeds it; hosts and drivers often reach less."""
         return self.line_rate * self.payload / (self.payload + self.overhead)
 
-
-# UDP over IPv4: headers of 8 and 20 bytes in a frame of 1500 (RFC 768, RFC 791). Ethernet: 14 bytes
-# of header, 4 of check sequence, 8 of preamble and a gap of 12 (IEEE 802.3, clauses 3 and 4).
-_UDP = (8 * (1500 - 28), 8 * (28 + 14 + 4 + 8 + 12))
-_UDP_SOURCE = "IEEE 802.3; UDP over IPv4 (RFC 768, RFC 791) in frames of 1500 bytes"
-# A memory write of 256 bytes has six words of 32 bits around it: framing, sequence number, LCRC,
-# and a header of four (Intel AN 829, "Understanding PCI Express Throughput").
-_PCIE = (8 * 256, 32 * 6)
-_PCIE_SOURCE = "PCI Express Base 2.0, 3.0; Intel AN 829; writes of 256 bytes"
 
 LINKS: tuple[Link, ...] = (
     Link("UART, 115 200 baud", 115_200, 8, 2, "8N1"),

@@ -1,12 +1,7 @@
 """Runs the Verilog of a source with its stream beside the cycle model, on the same inputs.
 
-This file also covers the cycle models behind the pins of the Verilog: one row of numbers a clock
-in, one out.
-
-The columns are those of `verilated.COLUMNS`, and the inputs those of the shims.
-
-This file also covers the Verilog of a source with its stream, stepped with one row of numbers a
-clock.
+Both sides take one row of numbers a clock and give one. Outputs are `COLUMNS`, and the inputs those
+of the shims.
 """
 
 from __future__ import annotations
@@ -29,9 +24,128 @@ from rtl_model.stream.ring import Beat, Ring, Tile
 from rtl_model.verilated import VerilatedModule, library
 
 Numbers = npt.NDArray[np.uint64]
-
 _RESET = next(entry.address for entry in REGISTERS if entry.name == "ctrl_reset")
 _WORD = (1 << 64) - 1
+_STREAM = ("valid", "data", "last", "user", "lost_planes", "lost_rows")
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "array": _STREAM,
+    "external": (
+        *_STREAM, "frames", "late", "command", "write", "address", "low", "middle", "high",
+    ),
+    "lines": (*_STREAM, "aligned", "losses", "bad_rows", "missed_rows"),
+}  # fmt: skip
+"""Outputs of each source, in the order in which the shims write them."""
+
+
+class Outcome(NamedTuple):
+    """Result of a run.
+
+    Attributes:
+        clocks: number of clocks that were compared.
+        outputs: outputs of the model, (clocks, outputs) uint64.
+        difference: first clock at which an output differs: clock, output, Verilog, model; None if
+            there is none.
+    """
+
+    clocks: int
+    outputs: Numbers
+    difference: tuple[int, str, int, int] | None
+
+
+def run(case: Case, *, sources: Path | None = None) -> Outcome:
+    """Compares all outputs at every clock.
+
+    Args:
+        case: the source and its inputs.
+        sources: folder of the Verilog; the design's if None.
+    """
+    model = model_outputs(case)
+    memory = case.memory if case.source == "external" else None
+    with VerilatedStream(
+        case.source, case.geometry, case.settings, sources=sources, memory=memory,
+        latency=case.latency,
+    ) as verilog:  # fmt: skip
+        found = verilog.run(case.inputs)
+    wrong = np.argwhere(found != model)
+    if not len(wrong):
+        return Outcome(len(model), model, None)
+    clock, column = wrong[0].tolist()
+    values = int(found[clock, column]), int(model[clock, column])
+    return Outcome(clock, model, (clock, COLUMNS[case.source][column], *values))
+
+
+def beats(case: Case, outputs: Numbers) -> list[Beat]:
+    """The transfers in outputs: where TVALID and TREADY are high."""
+    taken = (outputs[:, 0] == 1) & (case.inputs[:, 0] == 1)
+    return [Beat(data, bool(last), user) for data, last, user in outputs[taken][:, 1:4].tolist()]
+
+
+class VerilatedStream(VerilatedModule):
+    """`viform_stream_array`, `_external` or `_lines` in Verilator.
+
+    Args:
+        source: "array", "external" or "lines".
+        geometry: geometry of the build.
+        settings: further parameters: DEPTH, and of "external" PIXELS and IN_FLIGHT.
+        sources: folder of the Verilog; the design's if None.
+        memory: contents of the memory of "external".
+        latency: latency of that memory, clocks from a command to its word, at least 1.
+
+    Raises:
+        InputError: if Verilator is missing.
+        BuildFailed: if the Verilog does not compile.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        geometry: Geometry,
+        settings: dict[str, int],
+        *,
+        sources: Path | None = None,
+        memory: list[int] | None = None,
+        latency: int = 1,
+    ) -> None:
+        shim = Path(__file__).with_name(f"{source}.cpp")
+        path = library(
+            f"viform_stream_{source}", geometry, shim, sources=sources, settings=settings
+        )
+        super().__init__(path)
+        number, pointer = ctypes.c_uint64, ctypes.c_void_p
+        self._library.viform_steps.argtypes = [pointer, pointer, pointer, number]
+        self._columns = len(COLUMNS[source])
+        assert self._library.viform_outputs() == self._columns
+        if memory is not None:
+            self._library.viform_memory.argtypes = [pointer, pointer, number, number]
+            parts = [[word >> 64 * n & (1 << 64) - 1 for n in range(3)] for word in memory]
+            words = np.array(parts, np.uint64)
+            self._library.viform_memory(self._board, words.ctypes.data, len(words), latency)
+
+    def run(self, inputs: Numbers) -> Numbers:
+        """Steps one clock a row.
+
+        Args:
+            inputs: (clocks, inputs) uint64, in the order of the shim.
+
+        Returns:
+            (clocks, outputs) uint64: `COLUMNS` before each edge. Outputs without meaning, such as
+            data without valid, are 0.
+        """
+        assert inputs.shape[1] == self._library.viform_inputs()
+        given = np.ascontiguousarray(inputs, np.uint64)
+        out = np.empty((len(given), self._columns), np.uint64)
+        self._library.viform_steps(self._board, given.ctypes.data, out.ctypes.data, len(given))
+        return out
+
+
+def model_outputs(case: Case) -> Numbers:
+    """The outputs of the cycle model, (clocks, outputs) uint64, in the order of `COLUMNS`."""
+    size, settings, inputs = case.geometry, case.settings, case.inputs
+    if case.source == "array":
+        return array_outputs(size, settings, inputs)
+    if case.source == "external":
+        return external_outputs(size, settings, inputs, case.memory, case.latency)
+    return lines_outputs(size, settings, inputs)
 
 
 def array_outputs(geometry: Geometry, settings: Mapping[str, int], inputs: Numbers) -> Numbers:
@@ -140,125 +254,3 @@ def _stream(ring: Ring) -> list[int]:
     beat = ring.beat
     offered = [0] * 4 if beat is None else [1, beat.data, int(beat.last), beat.user]
     return [*offered, ring.lost_planes, ring.lost_rows]
-
-
-_STREAM = ("valid", "data", "last", "user", "lost_planes", "lost_rows")
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "array": _STREAM,
-    "external": (
-        *_STREAM, "frames", "late", "command", "write", "address", "low", "middle", "high",
-    ),
-    "lines": (*_STREAM, "aligned", "losses", "bad_rows", "missed_rows"),
-}  # fmt: skip
-"""Outputs of each source, in the order in which the shims write them."""
-
-
-class VerilatedStream(VerilatedModule):
-    """`viform_stream_array`, `_external` or `_lines` in Verilator.
-
-    Args:
-        source: "array", "external" or "lines".
-        geometry: geometry of the build.
-        settings: further parameters: DEPTH, and of "external" PIXELS and IN_FLIGHT.
-        sources: folder of the Verilog; the design's if None.
-        memory: contents of the memory of "external".
-        latency: latency of that memory, clocks from a command to its word, at least 1.
-
-    Raises:
-        InputError: if Verilator is missing.
-        BuildFailed: if the Verilog does not compile.
-    """
-
-    def __init__(
-        self,
-        source: str,
-        geometry: Geometry,
-        settings: dict[str, int],
-        *,
-        sources: Path | None = None,
-        memory: list[int] | None = None,
-        latency: int = 1,
-    ) -> None:
-        shim = Path(__file__).with_name(f"{source}.cpp")
-        path = library(
-            f"viform_stream_{source}", geometry, shim, sources=sources, settings=settings
-        )
-        super().__init__(path)
-        number, pointer = ctypes.c_uint64, ctypes.c_void_p
-        self._library.viform_steps.argtypes = [pointer, pointer, pointer, number]
-        self._columns = len(COLUMNS[source])
-        assert self._library.viform_outputs() == self._columns
-        if memory is not None:
-            self._library.viform_memory.argtypes = [pointer, pointer, number, number]
-            parts = [[word >> 64 * n & (1 << 64) - 1 for n in range(3)] for word in memory]
-            words = np.array(parts, np.uint64)
-            self._library.viform_memory(self._board, words.ctypes.data, len(words), latency)
-
-    def run(self, inputs: Numbers) -> Numbers:
-        """Steps one clock a row.
-
-        Args:
-            inputs: (clocks, inputs) uint64, in the order of the shim.
-
-        Returns:
-            (clocks, outputs) uint64: `COLUMNS` before each edge. Outputs without meaning, such as
-            data without valid, are 0.
-        """
-        assert inputs.shape[1] == self._library.viform_inputs()
-        given = np.ascontiguousarray(inputs, np.uint64)
-        out = np.empty((len(given), self._columns), np.uint64)
-        self._library.viform_steps(self._board, given.ctypes.data, out.ctypes.data, len(given))
-        return out
-
-
-class Outcome(NamedTuple):
-    """Result of a run.
-
-    Attributes:
-        clocks: number of clocks that were compared.
-        outputs: outputs of the model, (clocks, outputs) uint64.
-        difference: first clock at which an output differs: clock, output, Verilog, model; None if
-            there is none.
-    """
-
-    clocks: int
-    outputs: Numbers
-    difference: tuple[int, str, int, int] | None
-
-
-def model_outputs(case: Case) -> Numbers:
-    """The outputs of the cycle model, (clocks, outputs) uint64, in the order of `COLUMNS`."""
-    size, settings, inputs = case.geometry, case.settings, case.inputs
-    if case.source == "array":
-        return array_outputs(size, settings, inputs)
-    if case.source == "external":
-        return external_outputs(size, settings, inputs, case.memory, case.latency)
-    return lines_outputs(size, settings, inputs)
-
-
-def run(case: Case, *, sources: Path | None = None) -> Outcome:
-    """Compares all outputs at every clock.
-
-    Args:
-        case: the source and its inputs.
-        sources: folder of the Verilog; the design's if None.
-    """
-    model = model_outputs(case)
-    memory = case.memory if case.source == "external" else None
-    with VerilatedStream(
-        case.source, case.geometry, case.settings, sources=sources, memory=memory,
-        latency=case.latency,
-    ) as verilog:  # fmt: skip
-        found = verilog.run(case.inputs)
-    wrong = np.argwhere(found != model)
-    if not len(wrong):
-        return Outcome(len(model), model, None)
-    clock, column = wrong[0].tolist()
-    values = int(found[clock, column]), int(model[clock, column])
-    return Outcome(clock, model, (clock, COLUMNS[case.source][column], *values))
-
-
-def beats(case: Case, outputs: Numbers) -> list[Beat]:
-    """The transfers in outputs: where TVALID and TREADY are high."""
-    taken = (outputs[:, 0] == 1) & (case.inputs[:, 0] == 1)
-    return [Beat(data, bool(last), user) for data, last, user in outputs[taken][:, 1:4].tolist()]

@@ -1,6 +1,5 @@
-"""The verilated system, with the interface of `cycle.System`: timed writes in, tiles out.
-
-This file also covers a module in Verilator behind its shim, from its reset to its end.
+"""The verilated system, with the interface of `cycle.System`: timed writes in, tiles out; and any
+module in Verilator behind its shim, from its reset to its end.
 """
 
 from __future__ import annotations
@@ -18,6 +17,12 @@ from cosim import InputError
 from rtl_model.cycle.array import TILE, Tiles
 from rtl_model.geometry import Geometry
 from rtl_model.verilated.build import Trace, library
+
+SHIM = Path(__file__).with_name("system.cpp")
+_ROOM = 1 << 16  # tiles of one call
+_WRITE = np.dtype([("clock", "<u8"), ("address", "<u4"), ("value", "<u4")])
+_NO_WRITES = np.empty(0, _WRITE)
+_READ_CLOCKS = 2
 
 
 class VerilatedModule:
@@ -54,38 +59,6 @@ class VerilatedModule:
         board, self._board = getattr(self, "_board", None), None
         if board is not None:
             self._library.viform_close(board)
-
-
-SHIM = Path(__file__).with_name("system.cpp")
-
-_ROOM = 1 << 16  # tiles of one call
-_WRITE = np.dtype([("clock", "<u8"), ("address", "<u4"), ("value", "<u4")])
-_NO_WRITES = np.empty(0, _WRITE)
-_READ_CLOCKS = 2
-
-
-class Waves:
-    """Waveforms to write.
-
-    Attributes:
-        path: file.
-        first, last: first clock, and the clock after the last one.
-        format: format of the file.
-    """
-
-    def __init__(self, path: Path, first: int = 0, last: int = 1 << 62) -> None:
-        self.path, self.first, self.last = path, first, last
-        self.format = trace_format(path)
-
-
-def trace_format(path: Path) -> Trace:
-    """Format of waveforms by the file's ending. Raises InputError for another ending."""
-    endings: dict[str, Trace] = {".fst": "fst", ".vcd": "vcd"}
-    if path.suffix.lower() not in endings:
-        raise InputError(
-            f"{path}", "a name that ends in .fst or .vcd", f"{path.suffix!r}", "rename it"
-        )
-    return endings[path.suffix.lower()]
 
 
 class VerilatedSystem(VerilatedModule):
@@ -190,6 +163,30 @@ class VerilatedSystem(VerilatedModule):
         for tiles, buffer, count in zip(lists, self._buffers, self._counts, strict=False):
             if count:
                 tiles.append(buffer[:count].copy())
+
+
+class Waves:
+    """Waveforms to write.
+
+    Attributes:
+        path: file.
+        first, last: first clock, and the clock after the last one.
+        format: format of the file.
+    """
+
+    def __init__(self, path: Path, first: int = 0, last: int = 1 << 62) -> None:
+        self.path, self.first, self.last = path, first, last
+        self.format = trace_format(path)
+
+
+def trace_format(path: Path) -> Trace:
+    """Format of waveforms by the file's ending. Raises InputError for another ending."""
+    endings: dict[str, Trace] = {".fst": "fst", ".vcd": "vcd"}
+    if path.suffix.lower() not in endings:
+        raise InputError(
+            f"{path}", "a name that ends in .fst or .vcd", f"{path.suffix!r}", "rename it"
+        )
+    return endings[path.suffix.lower()]
 
 
 def _joined(parts: list[Tiles]) -> Tiles:

@@ -21,6 +21,10 @@ from rtl_model.verilated.system import VerilatedModule, Waves
 
 _SHIM = Path(__file__).with_name("pins.cpp")
 _BITS = 10
+_TILES = ("tile_valid", "tile_frame[31:0]", "tile_row[15:0]", "tile_index[15:0]")
+_BUS = ("bus_we", "bus_re", "bus_adr[29:0]", "bus_wdata[31:0]", "bus_rvalid", "bus_rdata[31:0]")
+_MARKERS = 26  # A to Z
+_HEXADECIMAL = "@22"
 
 
 class VerilatedPins(VerilatedModule):
@@ -67,12 +71,6 @@ class VerilatedPins(VerilatedModule):
         )
         self.clock += clocks
         return tiles[:count].copy()
-
-
-_TILES = ("tile_valid", "tile_frame[31:0]", "tile_row[15:0]", "tile_index[15:0]")
-_BUS = ("bus_we", "bus_re", "bus_adr[29:0]", "bus_wdata[31:0]", "bus_rvalid", "bus_rdata[31:0]")
-_MARKERS = 26  # A to Z
-_HEXADECIMAL = "@22"
 
 
 def board_signals(geometry: Geometry) -> list[str]:

@@ -41,9 +41,13 @@ from rtl_model.virtual.simulators import Level, faulty_library
 if TYPE_CHECKING:
     from rtl_model.cycle import Behind
 
-
 _ADDRESSES = 0xFFFFFFFC
 _SHIM = Path(__file__).with_name("bus.cpp")
+_AT_ONCE = 64  # requests that are answered before the end of the board is looked for
+_BUFFER = 1 << 21  # bytes asked of the system for each direction
+_LONGEST = 65_536
+_WAITING = 1024  # answers that a slow board holds; beyond it the oldest are lost
+_RUN_ADDRESS = next(r.address for r in REGISTERS if r.name == "sensor_run")
 
 
 class Bus(Protocol):
@@ -209,13 +213,6 @@ def answer(data: bytes, bus: Bus) -> bytes | None:
         if record.reads.size:
             answers.append((record.return_address, bus.read(record.reads)))
     return answer_packet(answers) if answers else None
-
-
-_AT_ONCE = 64  # requests that are answered before the end of the board is looked for
-_BUFFER = 1 << 21  # bytes asked of the system for each direction
-_LONGEST = 65_536
-_WAITING = 1024  # answers that a slow board holds; beyond it the oldest are lost
-_RUN_ADDRESS = next(r.address for r in REGISTERS if r.name == "sensor_run")
 
 
 class EthernetBoard(Served):

@@ -1,6 +1,5 @@
-"""Faults of single bytes on the line in both directions, and interruptions of the line.
-
-This file also covers the noise of the serial line: random inversion of a byte's ten bits.
+"""Faults of the line of a virtual board: of single bytes in both directions, interruptions, and
+noise that inverts any of a byte's ten bits.
 """
 
 from __future__ import annotations
@@ -17,59 +16,12 @@ from rtl_model.virtual.faults import ByteFault, Faults, Way
 
 BITS = 10
 """Bits of a byte on the line: start, eight data bits, stop."""
-
 _WORDS = 4  # of one draw
 _DRAWS = -(-BITS // _WORDS)
-
-
-def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDArray[np.uint16]:
-    """Masks of inverted bits, (count,) uint16, start bit in bit 0.
-
-    A bit depends only on seed, direction, number of the byte and number of the bit.
-
-    Args:
-        share: probability that a bit is inverted.
-        seed: seed of the noise.
-        way: direction.
-        first: number of the first byte.
-        count: number of bytes.
-    """
-    if share <= 0.0 or count == 0:
-        return np.zeros(count, np.uint16)
-    index = first + np.arange(count, dtype=np.uint64)
-    low, high = index & np.uint64(0xFFFFFFFF), index >> np.uint64(32)
-    limit = round(share * 2**32)
-    masks = np.zeros(count, np.uint16)
-    for draw in range(_DRAWS):
-        words = philox4x32((low, high, draw, int(way == "tx")), (seed, Stream.SERIAL_NOISE))
-        for place, word in enumerate(words[: BITS - _WORDS * draw]):
-            hit = word.astype(np.uint64) < limit
-            masks |= hit.astype(np.uint16) << np.uint16(_WORDS * draw + place)
-    return masks
-
-
 CUT_S = 0.15
 """Interruption by a cut, s of the board's time; longer than the board's watchdog of 0.1 s."""
 POWER_UP_S = 0.2
 """Interruption by a power cycle, s of the board's time (assumed: time to configure an FPGA)."""
-
-
-class Bytes(NamedTuple):
-    """Bytes that are transmitted."""
-
-    data: bytes
-
-
-class Interruption(NamedTuple):
-    """An interruption of the line.
-
-    Attributes:
-        seconds: its duration, s of the board's time.
-        power_cycle: whether the board restarts.
-    """
-
-    seconds: float
-    power_cycle: bool
 
 
 class FaultyLine:
@@ -113,6 +65,50 @@ class FaultyLine:
             passed += bytes([byte, byte] if "extra" in kinds else [byte])
         if passed:
             yield Bytes(bytes(passed))
+
+
+class Interruption(NamedTuple):
+    """An interruption of the line.
+
+    Attributes:
+        seconds: its duration, s of the board's time.
+        power_cycle: whether the board restarts.
+    """
+
+    seconds: float
+    power_cycle: bool
+
+
+def noise(share: float, seed: int, way: Way, first: int, count: int) -> npt.NDArray[np.uint16]:
+    """Masks of inverted bits, (count,) uint16, start bit in bit 0.
+
+    A bit depends only on seed, direction, number of the byte and number of the bit.
+
+    Args:
+        share: probability that a bit is inverted.
+        seed: seed of the noise.
+        way: direction.
+        first: number of the first byte.
+        count: number of bytes.
+    """
+    if share <= 0.0 or count == 0:
+        return np.zeros(count, np.uint16)
+    index = first + np.arange(count, dtype=np.uint64)
+    low, high = index & np.uint64(0xFFFFFFFF), index >> np.uint64(32)
+    limit = round(share * 2**32)
+    masks = np.zeros(count, np.uint16)
+    for draw in range(_DRAWS):
+        words = philox4x32((low, high, draw, int(way == "tx")), (seed, Stream.SERIAL_NOISE))
+        for place, word in enumerate(words[: BITS - _WORDS * draw]):
+            hit = word.astype(np.uint64) < limit
+            masks |= hit.astype(np.uint16) << np.uint16(_WORDS * draw + place)
+    return masks
+
+
+class Bytes(NamedTuple):
+    """Bytes that are transmitted."""
+
+    data: bytes
 
 
 def _bit(count: int) -> int:

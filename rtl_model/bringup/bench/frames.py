@@ -20,6 +20,8 @@ from rtl_model.bringup.bench.wrong_bits import compare
 from rtl_model.geometry import Geometry
 from rtl_model.host import Board, Captured, Reading, capture, read_charges
 
+_FRAMES = 1024  # planes of the model at a time
+
 
 def frame_clock(board: Board) -> Clock:
     """The frame clock from the board's registers: nominal clock divided by clocks of a tick."""
@@ -74,9 +76,6 @@ def capture_and_compare(board: Board, frames: int) -> tuple[Captured, Burst]:
         "capture", captured, board.info().geometry, captured.settings, image,
         int(captured.frames[0]),
     )  # fmt: skip
-
-
-_FRAMES = 1024  # planes of the model at a time
 
 
 def read_and_compare(board: Board, levels: int) -> tuple[Reading, npt.NDArray[np.uint16]]:

@@ -1,8 +1,7 @@
-"""Waveforms of a virtual board: its Verilog for a few frames, in lockstep with the cycle model.
+"""The image that a run of a board uploads into its pattern memory, and waveforms of a virtual board
+under it: its Verilog for a few frames, in lockstep with the cycle model.
 
 The simulators are imported in the function that needs them, because they take seconds to load.
-
-This file also covers the image that a run of a board uploads into its pattern memory.
 """
 
 from __future__ import annotations
@@ -17,21 +16,6 @@ from cosim import InputError
 from cosim.run.folder import check_trace_file
 from rtl_model.geometry import Geometry
 from rtl_model.registers import MEMORIES, REGISTERS
-
-
-def make_image(size: Geometry, seed: int) -> npt.NDArray[np.uint8]:
-    """A bright disc on a ramp with uniform noise: (rows, columns) uint8, electrons a tick.
-
-    Args:
-        size: geometry of the board.
-        seed: seed of the noise.
-    """
-    row, column = np.mgrid[: size.rows, : size.columns]
-    y, x = (row + 0.5) / size.rows - 0.5, (column + 0.5) / size.columns - 0.5
-    light = 20 + 100 * (x + 0.5) + 110 * (x * x + y * y < 0.09)
-    noise = np.random.Generator(np.random.Philox(seed)).integers(-12, 13, light.shape)
-    return np.clip(np.rint(light) + noise, 0, 255).astype(np.uint8)
-
 
 _FRAMES = 2
 _WORDS = 64  # of a request
@@ -111,3 +95,17 @@ def write_waves(trace: Trace, seed: int) -> None:
         raise RuntimeError("the Verilog's spikes differ from the cycle model's")
     starts = tiles["clock"][(tiles["row"] == 0) & (tiles["tile"] == 0)]
     write_view(trace.path, geometry, board_signals(geometry), first, [int(at) for at in starts])
+
+
+def make_image(size: Geometry, seed: int) -> npt.NDArray[np.uint8]:
+    """A bright disc on a ramp with uniform noise: (rows, columns) uint8, electrons a tick.
+
+    Args:
+        size: geometry of the board.
+        seed: seed of the noise.
+    """
+    row, column = np.mgrid[: size.rows, : size.columns]
+    y, x = (row + 0.5) / size.rows - 0.5, (column + 0.5) / size.columns - 0.5
+    light = 20 + 100 * (x + 0.5) + 110 * (x * x + y * y < 0.09)
+    noise = np.random.Generator(np.random.Philox(seed)).integers(-12, 13, light.shape)
+    return np.clip(np.rint(light) + noise, 0, 255).astype(np.uint8)

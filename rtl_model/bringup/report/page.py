@@ -1,10 +1,5 @@
-"""The HTML report of a bring-up: stages, captured and expected planes, threshold sweep.
-
-This file also covers the figures of a bring-up: captured and expected planes, wrong bits, threshold
-sweep.
-
-This file also covers the bring-up as JUnit XML for build servers, with one test case for each
-stage.
+"""The report of a bring-up as files: a page with stages, captured and expected planes, wrong bits
+and the threshold sweep, and JUnit XML for build servers, with one test case for each stage.
 """
 
 from __future__ import annotations
@@ -32,6 +27,89 @@ from rtl_model.bringup.report.summary import answers, cards_of, cause, stage_tex
 _MAPPED = 1500
 """Pixels of all bursts up to which the data of the figure hold all, not the wrong ones alone."""
 _RULES = {"residual": "#1c7ed6", "hard": "#2b8a3e", "subtract": "#9c36b5"}
+# Characters that XML 1.0 forbids, even as entities.
+_CONTROLS = [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]
+_FORBIDDEN = dict.fromkeys([*_CONTROLS, *range(0xD800, 0xE000)], "?")
+TITLE = "Bring-up of a board"
+JUNIT = "junit.xml"
+_UNITS: Final = {
+    "_bits_per_s": ("bit/s", 1.0), "_bytes_per_s": ("B/s", 1.0), "_per_s": ("1/s", 1.0),
+    "_hz": ("Hz", 1.0), "_ms": ("s", 1e-3),
+}  # fmt: skip
+"""Ends of names of figures with their unit, and its size in it."""
+_OMITTED: Final = {"rates", "first_wrong", "note"}
+
+
+def write_board_report(report: Report, folder: Path) -> list[str]:
+    """Writes report.html, its figures and junit.xml into `folder`; returns their names."""
+    page = make_sections(report, folder)
+    head = summary(
+        TITLE, f"{subtitle(report)}, viform {viform_version()}", answers(report),
+        outcome=cause(report),
+    )  # fmt: skip
+    write_page(folder, TITLE, head, "".join(page.sections))
+    return ["report.html", *page.files]
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The parts that every report of a bring-up contains.
+
+    Attributes:
+        cards: the main figures.
+        sections: HTML of the sections, in their order.
+        files: names of the files written, in the report's folder.
+    """
+
+    cards: list[Card]
+    sections: list[str]
+    files: list[str]
+
+
+def make_sections(report: Report, folder: Path) -> Sections:
+    """Writes figures and junit.xml into `folder`; returns the parts of the page."""
+    files = [JUNIT]
+    pictures = []
+    if report.bursts:
+        name = "figures/planes.png"
+        data = planes_figure(report.bursts, folder / name)
+        files.append(name)
+        pictures.append(_planes(report, folder / name, data))
+    rates = report.figure("threshold", "rates")
+    if rates:
+        name = "figures/threshold.png"
+        data = threshold_figure(rates, folder / name)
+        files.append(name)
+        pictures.append(
+            "<h2>Threshold sweep</h2><p>Constant light of "
+            f"{report.figure('threshold', 'electrons')} electrons in a 40 kHz tick. Lines: "
+            "closed form. Points: counts of the board.</p>"
+            + plot(folder / name, "spikes a pixel and tick against the threshold level", data)
+        )
+    write_junit(report, folder / JUNIT)
+    return Sections(cards_of(report), [_stages(report), *pictures, _figures(report)], files)
+
+
+def _stages(report: Report) -> str:
+    rows = [
+        [stage.name, stage.outcome, elapsed(stage.seconds), stage_text(stage)]
+        for stage in report.stages
+    ]
+    return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
+
+
+def _planes(report: Report, path: Path, data: Data) -> str:
+    lines = []
+    for burst in report.bursts:
+        if burst.wrong is not None:
+            text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.remedy}."
+            lines.append(f"<li>{html.escape(text)}</li>")
+    wrong = "".join(lines) or "<li>No bit is wrong.</li>"
+    return (
+        "<h2>Captured planes</h2><p>Each burst starts without charge. The expected planes come "
+        "from the cycle model. The first wrong bit is circled.</p>"
+        f"<ul>{wrong}</ul>" + plot(path, "expected and captured planes, and wrong bits", data)
+    )
 
 
 def planes_figure(bursts: list[Burst], path: Path) -> Data:
@@ -114,9 +192,38 @@ def threshold_figure(rates: list[dict[str, Any]], path: Path) -> Data:
     )
 
 
-# Characters that XML 1.0 forbids, even as entities.
-_CONTROLS = [*range(9), 11, 12, *range(14, 32), 0xFFFE, 0xFFFF]
-_FORBIDDEN = dict.fromkeys([*_CONTROLS, *range(0xD800, 0xE000)], "?")
+def _figures(report: Report) -> str:
+    rows = []
+    for stage in report.stages:
+        figures = [(k, v) for k, v in stage.figures.items() if k not in _OMITTED]
+        for n, (name, value) in enumerate(figures):
+            rows.append(["" if n else stage.name, *_figure(name, value)])
+    if not rows:
+        return ""
+    return "<h2>Figures of the stages</h2>" + table(["stage", "what", "value"], rows)
+
+
+def _figure(name: str, value: Any) -> tuple[str, str]:
+    """What a figure is, and its text; the end of its name is its unit."""
+    what = name.replace("_", " ")
+    if isinstance(value, bool) or value is None:
+        return what, {True: "yes", False: "no", None: UNKNOWN}[value]
+    if isinstance(value, int | float):
+        for end, (unit, scale) in _UNITS.items():
+            if name.endswith(end):
+                return name.removesuffix(end).replace("_", " "), amount(value * scale, unit, 4)
+        if name.startswith("s_per_"):
+            return f"time for each {what.removeprefix('s per ')}", amount(value, "s", 4)
+        return what, count(value) if isinstance(value, int) else number(value, 6)
+    if isinstance(value, list | tuple):
+        return what, ", ".join(map(str, value))
+    return what, str(value)
+
+
+def write_junit(report: Report, path: Path) -> None:
+    """Writes the document atomically."""
+    with atomic_write(path) as part:
+        part.write_text(junit_xml(report), encoding="utf-8")
 
 
 def junit_xml(report: Report) -> str:
@@ -157,121 +264,5 @@ def junit_xml(report: Report) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(suites, "unicode") + "\n"
 
 
-def write_junit(report: Report, path: Path) -> None:
-    """Writes the document atomically."""
-    with atomic_write(path) as part:
-        part.write_text(junit_xml(report), encoding="utf-8")
-
-
 def _clean(text: str) -> str:
     return text.translate(_FORBIDDEN)
-
-
-TITLE = "Bring-up of a board"
-JUNIT = "junit.xml"
-_UNITS: Final = {
-    "_bits_per_s": ("bit/s", 1.0), "_bytes_per_s": ("B/s", 1.0), "_per_s": ("1/s", 1.0),
-    "_hz": ("Hz", 1.0), "_ms": ("s", 1e-3),
-}  # fmt: skip
-"""Ends of names of figures with their unit, and its size in it."""
-_OMITTED: Final = {"rates", "first_wrong", "note"}
-
-
-@dataclass(frozen=True)
-class Sections:
-    """The parts that every report of a bring-up contains.
-
-    Attributes:
-        cards: the main figures.
-        sections: HTML of the sections, in their order.
-        files: names of the files written, in the report's folder.
-    """
-
-    cards: list[Card]
-    sections: list[str]
-    files: list[str]
-
-
-def write_board_report(report: Report, folder: Path) -> list[str]:
-    """Writes report.html, its figures and junit.xml into `folder`; returns their names."""
-    page = make_sections(report, folder)
-    head = summary(
-        TITLE, f"{subtitle(report)}, viform {viform_version()}", answers(report),
-        outcome=cause(report),
-    )  # fmt: skip
-    write_page(folder, TITLE, head, "".join(page.sections))
-    return ["report.html", *page.files]
-
-
-def make_sections(report: Report, folder: Path) -> Sections:
-    """Writes figures and junit.xml into `folder`; returns the parts of the page."""
-    files = [JUNIT]
-    pictures = []
-    if report.bursts:
-        name = "figures/planes.png"
-        data = planes_figure(report.bursts, folder / name)
-        files.append(name)
-        pictures.append(_planes(report, folder / name, data))
-    rates = report.figure("threshold", "rates")
-    if rates:
-        name = "figures/threshold.png"
-        data = threshold_figure(rates, folder / name)
-        files.append(name)
-        pictures.append(
-            "<h2>Threshold sweep</h2><p>Constant light of "
-            f"{report.figure('threshold', 'electrons')} electrons in a 40 kHz tick. Lines: "
-            "closed form. Points: counts of the board.</p>"
-            + plot(folder / name, "spikes a pixel and tick against the threshold level", data)
-        )
-    write_junit(report, folder / JUNIT)
-    return Sections(cards_of(report), [_stages(report), *pictures, _figures(report)], files)
-
-
-def _stages(report: Report) -> str:
-    rows = [
-        [stage.name, stage.outcome, elapsed(stage.seconds), stage_text(stage)]
-        for stage in report.stages
-    ]
-    return "<h2>Stages</h2>" + table(["stage", "outcome", "time", "result"], rows)
-
-
-def _planes(report: Report, path: Path, data: Data) -> str:
-    lines = []
-    for burst in report.bursts:
-        if burst.wrong is not None:
-            text = f"{burst.name}: {burst.wrong.text}; {burst.wrong.remedy}."
-            lines.append(f"<li>{html.escape(text)}</li>")
-    wrong = "".join(lines) or "<li>No bit is wrong.</li>"
-    return (
-        "<h2>Captured planes</h2><p>Each burst starts without charge. The expected planes come "
-        "from the cycle model. The first wrong bit is circled.</p>"
-        f"<ul>{wrong}</ul>" + plot(path, "expected and captured planes, and wrong bits", data)
-    )
-
-
-def _figures(report: Report) -> str:
-    rows = []
-    for stage in report.stages:
-        figures = [(k, v) for k, v in stage.figures.items() if k not in _OMITTED]
-        for n, (name, value) in enumerate(figures):
-            rows.append(["" if n else stage.name, *_figure(name, value)])
-    if not rows:
-        return ""
-    return "<h2>Figures of the stages</h2>" + table(["stage", "what", "value"], rows)
-
-
-def _figure(name: str, value: Any) -> tuple[str, str]:
-    """What a figure is, and its text; the end of its name is its unit."""
-    what = name.replace("_", " ")
-    if isinstance(value, bool) or value is None:
-        return what, {True: "yes", False: "no", None: UNKNOWN}[value]
-    if isinstance(value, int | float):
-        for end, (unit, scale) in _UNITS.items():
-            if name.endswith(end):
-                return name.removesuffix(end).replace("_", " "), amount(value * scale, unit, 4)
-        if name.startswith("s_per_"):
-            return f"time for each {what.removeprefix('s per ')}", amount(value, "s", 4)
-        return what, count(value) if isinstance(value, int) else number(value, 6)
-    if isinstance(value, list | tuple):
-        return what, ", ".join(map(str, value))
-    return what, str(value)

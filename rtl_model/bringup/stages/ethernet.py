@@ -15,6 +15,15 @@ from rtl_model.host.ether import WRITE_OVERHEAD, Etherbone, count_losses, most_w
 
 _PROBES = 4
 _READS = 64  # one after another, of one word
+_SENT = 512
+_MOST_LOST = 0.1
+"""Largest share of lost packets: then half of all windows of seven packets have a loss."""
+_MOST_WORDS = 255  # words of an Etherbone record
+_LEAST = WRITE_OVERHEAD + 1  # a numbered write of one word
+_HEADS = 28 + 16  # bytes of a packet besides its words: IPv4 and UDP, Etherbone and one address
+_SECONDS = 0.5  # of each direction
+_PACKETS = 64  # of the first measurement, then as many as take the time
+_MOST_PACKETS = 1 << 17
 
 
 def check_link(bench: UdpBench) -> Figures:
@@ -50,11 +59,6 @@ def check_link(bench: UdpBench) -> Figures:
         "answers": len(words), "probe_ms": 1e3 * min(probes), "round_trip_ms": 1e3 * typical,
         "round_trips_per_s": 1 / max(typical, 1e-9),
     }  # fmt: skip
-
-
-_SENT = 512
-_MOST_LOST = 0.1
-"""Largest share of lost packets: then half of all windows of seven packets have a loss."""
 
 
 def check_loss(bench: UdpBench) -> Figures:
@@ -102,11 +106,6 @@ def _text(lost: int, sent: int, to_board: int, from_board: int) -> str:
     return f"{lost} of {sent} packets are lost, {number(100 * lost / sent, 2)} %{where}"
 
 
-_MOST_WORDS = 255  # words of an Etherbone record
-_LEAST = WRITE_OVERHEAD + 1  # a numbered write of one word
-_HEADS = 28 + 16  # bytes of a packet besides its words: IPv4 and UDP, Etherbone and one address
-
-
 def check_mtu(bench: UdpBench) -> Figures:
     """Finds the most words that one packet can read and write; later stages use it.
 
@@ -126,11 +125,6 @@ def check_mtu(bench: UdpBench) -> Figures:
     if words < _MOST_WORDS:
         figures["note"] = f"longer packets are not answered: {remedy}"
     return figures
-
-
-_SECONDS = 0.5  # of each direction
-_PACKETS = 64  # of the first measurement, then as many as take the time
-_MOST_PACKETS = 1 << 17
 
 
 class Rates(NamedTuple):

@@ -1,35 +1,11 @@
-"""Stage threshold: compares the spike counts of all settings with a closed form.
-
-This file also covers the spike count of a pixel under constant light in closed form, independent of
-the cycle model.
+"""Stage threshold: compares the spike counts of all settings with a closed form, which is
+independent of the cycle model.
 """
 
 from __future__ import annotations
 
 from rtl_model.bringup.bench.bench import Bench
 from rtl_model.bringup.bench.stage import Figures, StageFault
-
-
-def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
-    """Spikes of one pixel that starts without charge.
-
-    At most one spike a tick. With residual or subtracting reset, the charge beyond Q remains, so
-    after n ticks the pixel has fired floor(n electrons / Q) times. With hard reset it fires every
-    ceil(Q / electrons) ticks.
-
-    Args:
-        frames: number of ticks.
-        electrons: electrons of one tick, 0 to 510; at 20 kHz twice those at 40 kHz.
-        level: level of the threshold, Q = 255 + 256 level.
-        rule: reset rule, 0 residual (also 3), 1 hard, 2 subtract.
-    """
-    q = 255 + 256 * level
-    if electrons <= 0:
-        return 0
-    if electrons >= q:
-        return frames
-    return frames // -(-q // electrons) if rule == 1 else frames * electrons // q
-
 
 LEVELS = 16
 RULES = ("residual", "hard", "subtract")
@@ -129,3 +105,24 @@ def _remedy(pixels: int, excess: int) -> str:
     if excess % pixels:
         return "the pixels differ: the figure of captured planes shows which"
     return "check that threshold's value, the clock select and the reset rule in the pixel"
+
+
+def count_spikes(frames: int, electrons: int, level: int, rule: int) -> int:
+    """Spikes of one pixel that starts without charge.
+
+    At most one spike a tick. With residual or subtracting reset, the charge beyond Q remains, so
+    after n ticks the pixel has fired floor(n electrons / Q) times. With hard reset it fires every
+    ceil(Q / electrons) ticks.
+
+    Args:
+        frames: number of ticks.
+        electrons: electrons of one tick, 0 to 510; at 20 kHz twice those at 40 kHz.
+        level: level of the threshold, Q = 255 + 256 level.
+        rule: reset rule, 0 residual (also 3), 1 hard, 2 subtract.
+    """
+    q = 255 + 256 * level
+    if electrons <= 0:
+        return 0
+    if electrons >= q:
+        return frames
+    return frames // -(-q // electrons) if rule == 1 else frames * electrons // q
