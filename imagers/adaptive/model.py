@@ -45,6 +45,13 @@ _FULL = 256
 """Full scale of 8 bits before the converter, DN."""
 _TRUNCATION = 1.0
 """Largest increase of a difference by truncation, DN."""
+FULL: Final = 255
+"""Largest 8-bit value, DN; the controller reports 256 for no value."""
+HALF: Final = 128
+"""Smallest largest value, DN, that keeps the exposure, unless too many pixels are saturated."""
+SEARCHES: Final = {"256th": Search.PART, "root": Search.ROOT, "half": Search.HALF}
+MARGIN: Final = 2.0
+"""Factor by which noise may move a foreseen exposure, up or down: one power of two."""
 
 
 class AdaptiveJudge(JudgeBase):
@@ -113,15 +120,6 @@ class AdaptiveJudge(JudgeBase):
         high = _FULL - 1.0 if marginal else min(float(largest) + reach, _FULL - 1.0)
         ends = (int(max(np.floor(low), 0)), int(np.ceil(high)))
         return lengthening(ends[0]) != lengthening(ends[1])
-
-
-FULL: Final = 255
-"""Largest 8-bit value, DN; the controller reports 256 for no value."""
-HALF: Final = 128
-"""Smallest largest value, DN, that keeps the exposure, unless too many pixels are saturated."""
-SEARCHES: Final = {"256th": Search.PART, "root": Search.ROOT, "half": Search.HALF}
-MARGIN: Final = 2.0
-"""Factor by which noise may move a foreseen exposure, up or down: one power of two."""
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ Writes = Annotated[
     ),
 ]
 """(instant at which the write has arrived, register name, value) of each write."""
+Values = npt.NDArray[np.float64]
 
 
 class ImagerLens(Section):
@@ -58,9 +59,6 @@ class ImagerSection(Section):
     """
 
     kind: str
-
-
-Values = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

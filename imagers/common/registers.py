@@ -29,6 +29,10 @@ from rtl_model.registers import reset_value
 from rtl_model.registers.design import IDENTIFIER, Design, Update
 from rtl_model.registers.table import Register
 
+_WORD = 0xFFFFFFFF
+_NAMES: Final = 80
+"""Characters of a list of registers in a message."""
+
 
 class RegisterFile:
     """Values of a design's registers by name.
@@ -99,9 +103,6 @@ class RegisterFile:
         """Sets the written and the active value; for the imager itself, not for the bus."""
         value &= (1 << self.table[name].width) - 1
         self._written[name] = self._active[name] = value
-
-
-_WORD = 0xFFFFFFFF
 
 
 class BusTarget(Protocol):
@@ -208,10 +209,6 @@ class ImagerBus:
 def line_of(target: BusTarget, byte_clocks: int | None = None) -> Bridge:
     """The serial line of an imager at byte level; byte_clocks as in `cycle.Bridge`."""
     return Bridge(system=ImagerBus(target), byte_clocks=byte_clocks)
-
-
-_NAMES: Final = 80
-"""Characters of a list of registers in a message."""
 
 
 def register_of(registers: RegisterFile, register: str) -> Register:

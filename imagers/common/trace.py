@@ -15,6 +15,8 @@ from cosim import InputError
 from cosim.files.atomic import atomic_write
 from rtl_model.verilated import fst_library
 
+_WIRE, _MODULE = 16, 0  # FST_VT_VCD_WIRE, FST_ST_VCD_MODULE of fstapi.h
+
 
 class Signal(NamedTuple):
     """A signal of a trace.
@@ -177,9 +179,6 @@ def _key(number: int) -> str:
         if number == 0:
             return text
         number -= 1
-
-
-_WIRE, _MODULE = 16, 0  # FST_VT_VCD_WIRE, FST_ST_VCD_MODULE of fstapi.h
 
 
 class _Fst:

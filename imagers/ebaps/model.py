@@ -48,6 +48,7 @@ from imagers.run.check import cut_rows, strips
 from sensor.frame_pixels import Exposed, PixelModel
 
 Values = npt.NDArray[np.float64]
+KELVIN = 273.15
 
 
 class EbapsJudge(JudgeBase):
@@ -104,9 +105,6 @@ class EbapsJudge(JudgeBase):
         shown = self._shown(rows, pixels, whole, self._full)
         judged = self._imager.sequencer.judged
         return int(judged.chosen(int(shown.sum()), shown.size))
-
-
-KELVIN = 273.15
 
 
 @dataclass(frozen=True)

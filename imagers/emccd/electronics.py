@@ -24,6 +24,9 @@ from imagers.report.figures import BLUE, GREEN, style_axes, waveforms
 
 SETTLED = 0.01
 """Share of its end within which a gain counts as settled."""
+_LAST = GAIN_STEPS - 1
+_WORD = 218
+"""Code of the word that is drawn: the gain of figure 4c of the document, 200."""
 
 
 def ageing_codes(voltage: HighVoltage, step: int) -> int:
@@ -88,11 +91,6 @@ def supply_metrics(course: Course, begin: int, switched: float | None) -> dict[s
     if switched is not None:
         made["power_up_to_exposure"] = Metric((begin / PS - switched) * 1e3, "ms")
     return made
-
-
-_LAST = GAIN_STEPS - 1
-_WORD = 218
-"""Code of the word that is drawn: the gain of figure 4c of the document, 200."""
 
 
 def electronics_sections(drive: SineDrive, supplies: Supplies, folder: Path) -> str:

@@ -44,6 +44,28 @@ from sensor.dynamic_range import Chain, SensorNoise, rounding_variance
 from sensor.frame_pixels import Exposed, ImagerSummary
 
 Values = npt.NDArray[np.float64]
+PEDESTAL: Final = 6.0
+"""Deviations of the noise in the dark between darkness and the converter's zero."""
+_FULL: Final = 100.0
+"""Wells of electrons beyond which a pixel is full whatever its noise."""
+_NS: Final = {
+    "shot noise": 60.0, "dark current": 30.0, "reset noise": 45.0, "white noise": 45.0,
+    "transfer noise": 45.0, "circuit noise": 45.0, "supply ripple": 15.0, "converter noise": 45.0,
+}  # fmt: skip
+"""Run-time costs, ns per pixel and frame, by the run time with and without the effect on one core
+at 2.5 GHz."""
+_SOURCES: Final = {
+    "shot noise": (Stream.IMAGER_SHOT, "Poisson law of photoelectrons"),
+    "dark current": (Stream.IMAGER_DARK, "Poisson law of dark electrons; I 2^((T - T0)/Td) or "
+                     "T^3 exp(-E/kT)"),
+    "reset noise": (Stream.IMAGER_RESET, "document 004: as the root of the temperature"),
+    "white noise": (Stream.IMAGER_WHITE, "document 004: as the root of the temperature"),
+    "transfer noise": (Stream.IMAGER_TRANSFER, "document 004: as the root of the clock"),
+    "circuit noise": (Stream.IMAGER_CIRCUIT, "document 004: V_circuit; in quadrature"),
+    "supply ripple": (Stream.NONE, "document 004: a sine on the sensor's output, stripes"),
+    "converter noise": (Stream.IMAGER_READ, "document 004: alpha; in quadrature"),
+}  # fmt: skip
+_GAUSSIAN: Final = ("reset", "white", "transfer")
 
 
 def _beside_whole(cycles: Fraction) -> float:
@@ -123,30 +145,6 @@ def _turned(samples: npt.NDArray[np.complex128]) -> float:
     half = len(samples) // 2
     ratio = samples[-half:].sum() * np.conj(samples[:half].sum())
     return float(np.angle(ratio)) / (2 * np.pi)
-
-
-PEDESTAL: Final = 6.0
-"""Deviations of the noise in the dark between darkness and the converter's zero."""
-_FULL: Final = 100.0
-"""Wells of electrons beyond which a pixel is full whatever its noise."""
-_NS: Final = {
-    "shot noise": 60.0, "dark current": 30.0, "reset noise": 45.0, "white noise": 45.0,
-    "transfer noise": 45.0, "circuit noise": 45.0, "supply ripple": 15.0, "converter noise": 45.0,
-}  # fmt: skip
-"""Run-time costs, ns per pixel and frame, by the run time with and without the effect on one core
-at 2.5 GHz."""
-_SOURCES: Final = {
-    "shot noise": (Stream.IMAGER_SHOT, "Poisson law of photoelectrons"),
-    "dark current": (Stream.IMAGER_DARK, "Poisson law of dark electrons; I 2^((T - T0)/Td) or "
-                     "T^3 exp(-E/kT)"),
-    "reset noise": (Stream.IMAGER_RESET, "document 004: as the root of the temperature"),
-    "white noise": (Stream.IMAGER_WHITE, "document 004: as the root of the temperature"),
-    "transfer noise": (Stream.IMAGER_TRANSFER, "document 004: as the root of the clock"),
-    "circuit noise": (Stream.IMAGER_CIRCUIT, "document 004: V_circuit; in quadrature"),
-    "supply ripple": (Stream.NONE, "document 004: a sine on the sensor's output, stripes"),
-    "converter noise": (Stream.IMAGER_READ, "document 004: alpha; in quadrature"),
-}  # fmt: skip
-_GAUSSIAN: Final = ("reset", "white", "transfer")
 
 
 @dataclass(frozen=True)

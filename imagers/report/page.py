@@ -23,6 +23,34 @@ from imagers.run.chain import FrameChain
 from imagers.run.plan import PlannedRun
 from imagers.run.tape import FRAMES, read_frame
 
+_TEXTS = {
+    "exposure": "of the first row", "ready": "end of the last row's readout",
+    "mean": "of all pixels",
+    "spread": "standard deviation of all pixels", "full_scale": "share of pixels at full scale",
+}  # fmt: skip
+_MAIN = {
+    "frame_rate": "frame rate", "exposure": "exposure of the last frame",
+    "dynamic_range": "dynamic range of one frame", "dark_noise": "noise in the dark",
+    "effective_read_noise": "read noise over the gain", "contrast_to_noise": "contrast to noise",
+    "settled_share": "", "saturated": "",
+}  # fmt: skip
+"""Metrics that the summary shows where a run has them, and what they are."""
+_SHARES = {
+    "saturated": "of the pixels of the last frame have the largest value",
+    "saturated_most": "of the pixels, in the frame with the largest share",
+    "gain_lost_by_phase": "of the gain, because the high-voltage crest is early or late",
+    "gain_ripple": "of the gain, amplitude, from the ripple of the high voltage",
+    "gain_of_a_code": "of the gain, from one code of the potentiometer to the next",
+    "settled_share": "of the live frames have a settled exposure loop",
+}
+_ANSWERS = {"settled": "whether the exposure loop is settled in the last live frame"}
+_COUNTS = {
+    "frames": "frames", "dark_frames": "frames", "pulses_lost": "pulses of external sync",
+    "potentiometer_words": "words over SPI", "ageing_codes": "codes that ageing has cost the gain",
+    "resets_disturbed": "resets within another row's sampling", "saturated_pixels": "pixels of the "
+    "last frame's window over full scale, by the comparator",
+}  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class ImagerRun:
@@ -63,13 +91,6 @@ class ImagerRun:
     def frame(self, n: int) -> npt.NDArray[np.uint16]:
         """Values of the n-th frame, (rows, W), DN."""
         return read_frame(self.folder / FRAMES, n)
-
-
-_TEXTS = {
-    "exposure": "of the first row", "ready": "end of the last row's readout",
-    "mean": "of all pixels",
-    "spread": "standard deviation of all pixels", "full_scale": "share of pixels at full scale",
-}  # fmt: skip
 
 
 def frames_explorer(kind: ImagerKind, run: ImagerRun) -> str:
@@ -136,30 +157,6 @@ def _cards(run: ImagerRun) -> list[Card]:
             value, of = metric_text(name, metric)
             rows.append(("", value, text or of))
     return rows
-
-
-_MAIN = {
-    "frame_rate": "frame rate", "exposure": "exposure of the last frame",
-    "dynamic_range": "dynamic range of one frame", "dark_noise": "noise in the dark",
-    "effective_read_noise": "read noise over the gain", "contrast_to_noise": "contrast to noise",
-    "settled_share": "", "saturated": "",
-}  # fmt: skip
-"""Metrics that the summary shows where a run has them, and what they are."""
-_SHARES = {
-    "saturated": "of the pixels of the last frame have the largest value",
-    "saturated_most": "of the pixels, in the frame with the largest share",
-    "gain_lost_by_phase": "of the gain, because the high-voltage crest is early or late",
-    "gain_ripple": "of the gain, amplitude, from the ripple of the high voltage",
-    "gain_of_a_code": "of the gain, from one code of the potentiometer to the next",
-    "settled_share": "of the live frames have a settled exposure loop",
-}
-_ANSWERS = {"settled": "whether the exposure loop is settled in the last live frame"}
-_COUNTS = {
-    "frames": "frames", "dark_frames": "frames", "pulses_lost": "pulses of external sync",
-    "potentiometer_words": "words over SPI", "ageing_codes": "codes that ageing has cost the gain",
-    "resets_disturbed": "resets within another row's sampling", "saturated_pixels": "pixels of the "
-    "last frame's window over full scale, by the comparator",
-}  # fmt: skip
 
 
 def metric_text(name: str, metric: Metric) -> tuple[str, str]:

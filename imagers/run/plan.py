@@ -30,6 +30,7 @@ from sensor.frame_pixels import Exposed, ImagerSummary, PixelModel
 
 CALLS: Final = 4
 """Timed conversions of each plan, after one that is not timed."""
+DEVICE: Final = "numba on this processor"
 
 
 @dataclass(frozen=True)
@@ -136,9 +137,6 @@ def plan_run(spec: RunSpec, model: ImagerModel, view: View) -> PlannedRun:
     exposures = model.exposures(view, spec.stop)
     plan, summary = plan_effects(model.settings(pixels), exposures, spec.tolerance, view.certain)
     return PlannedRun(spec, model, view, exposures, summary, plan, pixels)
-
-
-DEVICE: Final = "numba on this processor"
 
 
 def forecast(run: PlannedRun) -> dict[str, Any]:

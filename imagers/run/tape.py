@@ -41,6 +41,17 @@ from sensor.frame_pixels import Exposed, PixelModel
 FRAMES = "frames.zarr"
 _TOGETHER = 1 << 26
 """Bytes of frames that are collected before they are written."""
+TAPE = "checkpoint.tape"
+_MAGIC = b"viform imager tape 2\n"
+_OVER = 15
+_LARGEST = 2**20
+"""Upper limit of rows and of columns; a record that states more is damaged."""
+_HEAD = struct.Struct("<4q")
+"""Frame, first row, rows, columns; the values follow, then the checksum."""
+_CRC = struct.Struct("<I")
+"""CRC-32 of head and values, which begins with that of the record before; 0 before the first."""
+_PART = 1 << 20
+"""Bytes that are read at once."""
 
 
 class FrameStore:
@@ -107,19 +118,6 @@ def read_frame(path: Path, n: int) -> npt.NDArray[np.uint16]:
     """Values of the n-th frame of a store, (rows, W), DN."""
     group: Any = zarr.open_group(path, mode="r")
     return np.asarray(group["values"][n, : int(group["rows"][n])])
-
-
-TAPE = "checkpoint.tape"
-_MAGIC = b"viform imager tape 2\n"
-_OVER = 15
-_LARGEST = 2**20
-"""Upper limit of rows and of columns; a record that states more is damaged."""
-_HEAD = struct.Struct("<4q")
-"""Frame, first row, rows, columns; the values follow, then the checksum."""
-_CRC = struct.Struct("<I")
-"""CRC-32 of head and values, which begins with that of the record before; 0 before the first."""
-_PART = 1 << 20
-"""Bytes that are read at once."""
 
 
 class Tape:

@@ -27,7 +27,8 @@ from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.assemble.source.recording.opening import Recording, open_recording, recorded
-from scenarios.python.calls import Called, in_python, keys_of
+from scenarios.python.calls import Called, keys_of
+from scenarios.python.errors import in_python
 from scenarios.python.frames import check_white_rate, is_whole
 from scenarios.python.streams import as_stream
 from sensor.latched.core import Filmed

@@ -17,8 +17,8 @@ from cosim.spikes.viform import part_of
 from scenarios.assemble.called import film_in_memory, filmed_in_memory, in_memory
 from scenarios.assemble.schema.loading import load, shipped
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import in_python
 from scenarios.python.camera import Camera
+from scenarios.python.errors import in_python
 from scenarios.python.finished import Run
 from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.runs import joined, refuse_of_run, run, source_file

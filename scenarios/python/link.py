@@ -15,7 +15,8 @@ from link.setting import link_setting, steering_of
 from scenarios.assemble.schema.loading import linked, load
 from scenarios.assemble.schema.settings import assignments_of
 from scenarios.assemble.source.link import link_camera
-from scenarios.python.calls import Called, in_python, keys_of
+from scenarios.python.calls import Called, keys_of
+from scenarios.python.errors import in_python
 
 SIZE: Final = 100_000
 """Bytes of a call for which the mode is chosen, by default."""

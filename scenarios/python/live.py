@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.plan.error import Bounds
-from scenarios.python.calls import in_python
+from scenarios.python.errors import in_python
 from scenarios.python.frames import check_frame
 from scenarios.scenes.clips.fitted import Fit
 from scenarios.scenes.clips.pictures import shown

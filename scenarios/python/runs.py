@@ -22,12 +22,15 @@ from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.settings import assignments_of
-from scenarios.python.calls import in_python
 from scenarios.python.display import Display, Seen
+from scenarios.python.errors import in_python
 from scenarios.python.finished import Run
 from scenarios.python.link import Link
 from scenarios.python.streams import as_stream, save_stream
 from scenarios.run import run_scenario
+
+Data = bytes | bytearray | memoryview | str | os.PathLike[str]
+"""Bytes, or the path of a file that has them."""
 
 
 def source_file(
@@ -174,10 +177,6 @@ def show(
         "playback", out=out, device=device, resume=resume, report=report, progress=progress,
         **given,
     )  # fmt: skip
-
-
-Data = bytes | bytearray | memoryview | str | os.PathLike[str]
-"""Bytes, or the path of a file that has them."""
 
 
 @overload

@@ -19,7 +19,7 @@ from cosim.files.intensities import read_intensities, write_intensities
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
 from scenarios.assemble.source.latched.dim import dim_of_run
 from scenarios.assemble.source.recording.opening import FASTEST
-from scenarios.python.calls import in_python
+from scenarios.python.errors import in_python
 from scenarios.python.frames import is_whole
 from sensor.codec.files import open_any
 from sensor.reconstruct import METHODS, isi, tau_levels

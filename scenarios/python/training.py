@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from cosim import InputError
 from cosim.errors import quote
-from scenarios.python.calls import in_python
 from scenarios.python.camera import Camera
+from scenarios.python.errors import in_python
 from scenarios.python.frames import check_instants, is_whole, rate_of
 from sensor.latched.core import Filmed
 

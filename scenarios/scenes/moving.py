@@ -18,6 +18,11 @@ from cosim import PS, Block, Clock, Light, Piece
 
 MOTION: Final = 0.25
 """Longest motion within a piece of light, pixels, if a piece is longer than a cycle."""
+WAVES: Final = 10
+"""Number of waves. More have less contrast, because their sum must stay within the range."""
+WAVELENGTHS: Final = (8.0, 64.0)
+"""Shortest and longest wavelength, pixels."""
+Knot = tuple[float, float, float]
 
 
 class ExposedScene(Protocol):
@@ -72,12 +77,6 @@ class ExposedSource:
         return Light(tuple(self._piece(c) for c in range(first, block.stop, self.every)))
 
 
-WAVES: Final = 10
-"""Number of waves. More have less contrast, because their sum must stay within the range."""
-WAVELENGTHS: Final = (8.0, 64.0)
-"""Shortest and longest wavelength, pixels."""
-
-
 @dataclass(frozen=True)
 class Texture:
     """A sum of waves of equal amplitude. The logarithms of their wavelengths are evenly spread, so
@@ -127,9 +126,6 @@ class Texture:
         waves = (fade[:, None] * np.cos(down)).T @ np.cos(across)
         waves -= (fade[:, None] * np.sin(down)).T @ np.sin(across)
         return np.asarray(self.level + self.swing / WAVES * waves)
-
-
-Knot = tuple[float, float, float]
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,11 @@ CYCLES, WARM = 2560, 512
 BLOCK = 64
 DRAWN = 8
 """Number of cycles between two points of the curves in the figure."""
+PANELS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("no shot noise", {"shot_noise": False}),
+    ("shot noise", {}),
+    ("shot noise, measure 1 ms", {"measure": "1 ms"}),
+)
 
 
 @dataclass(frozen=True)
@@ -156,13 +161,6 @@ def _course(tick: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     sine = 0.5 + 0.35 * np.sin(2 * np.pi * (t - 20) / 12)
     light = np.where(t < 8, 0.2, np.where(t < 20, 0.5, np.where(t < 44, sine, 0.06)))
     return np.asarray(light, np.float64)
-
-
-PANELS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("no shot noise", {"shot_noise": False}),
-    ("shot noise", {}),
-    ("shot noise, measure 1 ms", {"measure": "1 ms"}),
-)
 
 
 def traces_figure(path: Path, cycles: int = CYCLES) -> list[Intensities]:

@@ -29,6 +29,15 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+HALF_SCALE: Final = 128
+"""Half scale of the 8-bit converter, DN. A largest value from here on keeps the exposure."""
+PRINTED_MULTIPLIER_BITS: Final = 24
+"""Bits of the multiplier register in the document (section 3.3)."""
+MULTIPLIER_BITS: Final = 25
+"""Bits that the multiplier 2^24 needs, from which the document's search starts."""
+LONGEST: Final = MULTIPLIER_BITS - 1
+"""Exponent of the largest multiplier."""
+
 
 class Window(NamedTuple):
     """Pixels that count.
@@ -83,16 +92,6 @@ def gather(
     if over.all():
         return Statistics(count, None)
     return Statistics(count, int(np.where(over, 0, scanned).max()))
-
-
-HALF_SCALE: Final = 128
-"""Half scale of the 8-bit converter, DN. A largest value from here on keeps the exposure."""
-PRINTED_MULTIPLIER_BITS: Final = 24
-"""Bits of the multiplier register in the document (section 3.3)."""
-MULTIPLIER_BITS: Final = 25
-"""Bits that the multiplier 2^24 needs, from which the document's search starts."""
-LONGEST: Final = MULTIPLIER_BITS - 1
-"""Exponent of the largest multiplier."""
 
 
 class Search(IntEnum):

@@ -17,6 +17,9 @@ DEFAULT_LONGEST = 16
 document. Values up to 24 can be set."""
 DEFAULT_SHAPE = (256, 256)
 """Rows and columns; assumed, because the document does not state them."""
+_WITH_FRAME: tuple[str, ...] = (
+    "adaptive_rows", "adaptive_columns", "adaptive_threshold", "adaptive_whole_scan",
+)  # fmt: skip
 
 
 def _range(unit: str) -> tuple[Field, ...]:
@@ -65,11 +68,6 @@ def registers_of(timing: Timing) -> tuple[Register, ...]:
     )  # fmt: skip
 
 
-_WITH_FRAME: tuple[str, ...] = (
-    "adaptive_rows", "adaptive_columns", "adaptive_threshold", "adaptive_whole_scan",
-)  # fmt: skip
-
-
 def design_of(timing: Timing) -> Design:
     """The design behind the serial line for an array."""
     updates: dict[str, Update] = dict.fromkeys(_WITH_FRAME, "frame")
@@ -80,4 +78,5 @@ def design_of(timing: Timing) -> Design:
 
 
 DESIGN = design_of(Timing.of(*DEFAULT_SHAPE))
+
 REGISTERS = DESIGN.specific

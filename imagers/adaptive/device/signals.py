@@ -43,6 +43,11 @@ from imagers.common.trace import Signal
 
 Code = Literal["gray", "binary"]
 Number = TypeVar("Number", int, npt.NDArray[np.int64])
+Change = tuple[int, str, int]
+"""(clock, signal, new value)."""
+_SPENT: Final = 40.0
+"""Time constants after which a toggle is forgotten; exp(-40) is below the rounding of a float."""
+Counts = npt.NDArray[np.int64]
 
 
 def gray(number: Number) -> Number:
@@ -64,10 +69,6 @@ def ring(number: Number, states: int, code: Code = "gray") -> Number:
         return number % states
     spare = (1 << gray_bits(states)) - states
     return gray(number % states + spare // 2)
-
-
-Change = tuple[int, str, int]
-"""(clock, signal, new value)."""
 
 
 def signal_list(timing: Timing, code: Code = "gray") -> tuple[Signal, ...]:
@@ -117,12 +118,6 @@ def _reading(timing: Timing, frame: FrameTiming, code: Code) -> Iterator[Change]
             yield start + timing.work, "Pout", 0
     yield frame.start + timing.deciding - timing.cycle, "select", 1
     yield frame.start + timing.deciding, "select", 0
-
-
-_SPENT: Final = 40.0
-"""Time constants after which a toggle is forgotten; exp(-40) is below the rounding of a float."""
-
-Counts = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ ELEMENTARY_CHARGE: Final = 1.602176634e-19
 """C, exact by definition of the SI (2019)."""
 BITS: Final = 8
 """Bits of the converter (document 001, section 1)."""
+ROUNDING: Final = 1e-9
+"""DN that the floats of the chain may be off."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,3 @@ class CmosSetting:
         that integer."""
         number = math.floor(min(volts / self.lsb, 1e6) + ROUNDING)
         return max(0, min(number, (1 << BITS) - 1)), volts > self.full_scale * (1 + ROUNDING)
-
-
-ROUNDING: Final = 1e-9
-"""DN that the floats of the chain may be off."""

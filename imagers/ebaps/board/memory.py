@@ -27,6 +27,8 @@ MEMORY_HZ = 200_000_000
 """Clock of the memory's AXI4 port, Hz: assumed."""
 LATENCY_CLOCKS = 20
 """Time from a burst's turn to its first beat, 100 ns: assumed."""
+Image = npt.NDArray[np.uint16]
+Bytes = npt.NDArray[np.uint8]
 
 
 class Ddr:
@@ -117,10 +119,6 @@ class DdrPort:
             return
         burst = queue.popleft()
         self._address, self._left, self._wait = burst.address, burst.beats, self.latency
-
-
-Image = npt.NDArray[np.uint16]
-Bytes = npt.NDArray[np.uint8]
 
 
 @lru_cache(maxsize=64)

@@ -27,6 +27,11 @@ CLOCK_HZ = 40_000_000
 """Pixel clock, Hz: document 002, section 3.1 (the chip may go up to 80 MHz)."""
 FRAME_RATE = 30
 """Frames a second: document 002, abstract and section 1."""
+REGIONS = 5
+"""Regions in memory: document 002, section 3.2."""
+LIVE = 4
+"""Region of the live frame; those before hold darks."""
+Image = npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
@@ -96,14 +101,6 @@ class Timing:
             np.array([self.ps(begin + s) for s in steps], np.int64),
             np.array([self.ps(end + s) for s in steps], np.int64),
         )
-
-
-REGIONS = 5
-"""Regions in memory: document 002, section 3.2."""
-LIVE = 4
-"""Region of the live frame; those before hold darks."""
-
-Image = npt.NDArray[np.uint16]
 
 
 def region_bytes(columns: int = 1280, rows: int = 1024, bits: int = 16) -> int:

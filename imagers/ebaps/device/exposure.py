@@ -44,6 +44,13 @@ DEFAULT_EXPOSURE = 16_384_000
 LATENCY = 2
 """Frames from the one that is measured to the first that its exposure can change."""
 ACCUMULATOR_BITS = (1280 * 1024 * 65_535).bit_length()
+DARKS = 4
+"""Frames in the dark mean: document 002, section 3.2."""
+TRUNCATION = 3 / 8
+"""Mean of what >> 2 drops, DN: of 0, 1, 2, 3 quarters."""
+TRUNCATION_VARIANCE = 5 / 64
+"""Variance of what >> 2 drops, DN^2."""
+Image = npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
@@ -123,16 +130,6 @@ def follow(
             standing = rule.judged(standing, exposed[seen], total, pixels)
         exposed.append(standing)
     return exposed
-
-
-DARKS = 4
-"""Frames in the dark mean: document 002, section 3.2."""
-TRUNCATION = 3 / 8
-"""Mean of what >> 2 drops, DN: of 0, 1, 2, 3 quarters."""
-TRUNCATION_VARIANCE = 5 / 64
-"""Variance of what >> 2 drops, DN^2."""
-
-Image = npt.NDArray[np.uint16]
 
 
 def mean_of_four(frames: Sequence[Image]) -> Image:

@@ -20,6 +20,8 @@ from imagers.ebaps.device.exposure import DARKS, WINDOW, ExposureRule
 from imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
 
 _ON, _EVERY, _RAW = 1, 2, 4
+_WANTED = 20_000_000
+"""ns."""
 
 
 @dataclass(frozen=True)
@@ -251,10 +253,6 @@ class Sequencer:
             | (self.has_darks and self.stale) << 4
             | key << 5
         )
-
-
-_WANTED = 20_000_000
-"""ns."""
 
 
 def _steady(shot: Shot) -> Read:

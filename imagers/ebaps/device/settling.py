@@ -40,6 +40,14 @@ from imagers.ebaps.device.exposure import (
     follow,
 )
 
+Loop = Callable[[ExposureRule, Callable[[int, int], int], int], list[int]]
+"""(rule, mean of frame and exposure in DN, frames) -> exposures of the frames, ns."""
+Accumulator = Callable[[npt.NDArray[np.uint16]], int]
+"""Sum of a frame's values."""
+_FULL = 65_535
+_ANY_END = 2 * LATENCY + 50 * LATENCY
+"""Frames in which a loop that waits crosses its whole range: 50 steps, each seen LATENCY late."""
+
 
 @dataclass(frozen=True)
 class Rest:
@@ -128,16 +136,6 @@ def settling_share(
 def last_hunting(rule: ExposureRule, start: int = DEFAULT_EXPOSURE) -> Fraction:
     """Upper end, ns, of the last gap: for every longer ideal exposure the loop settles."""
     return resting(rule, start)[-1][0]
-
-
-Loop = Callable[[ExposureRule, Callable[[int, int], int], int], list[int]]
-"""(rule, mean of frame and exposure in DN, frames) -> exposures of the frames, ns."""
-Accumulator = Callable[[npt.NDArray[np.uint16]], int]
-"""Sum of a frame's values."""
-
-_FULL = 65_535
-_ANY_END = 2 * LATENCY + 50 * LATENCY
-"""Frames in which a loop that waits crosses its whole range: 50 steps, each seen LATENCY late."""
 
 
 def shipped_loop(

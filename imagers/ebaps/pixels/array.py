@@ -41,6 +41,12 @@ from sensor.frame_pixels import Exposed, ImagerSummary
 Values = npt.NDArray[np.float64]
 _BLOCK = 2
 """Pixels along a side of the blocks that the halo is computed in: its disc is 28 pixels wide."""
+COLUMNS, ROWS = 1280, 1024
+"""Document 002, section 1.1."""
+BITS = 16
+"""Bits of the converter (CBM92AD68-80): document 002, section 1.3."""
+_BURST = 1 << 40
+"""Added to a frame's number where ion bursts take their size from the stream of ion events."""
 
 
 @njit(cache=True, nogil=True)
@@ -109,14 +115,6 @@ def halo(means: Values, radius: float) -> Values:
     out = np.empty_like(blocks)
     _disc(blocks, half, out)
     return out.repeat(_BLOCK, axis=0).repeat(_BLOCK, axis=1)[:height, :width]
-
-
-COLUMNS, ROWS = 1280, 1024
-"""Document 002, section 1.1."""
-BITS = 16
-"""Bits of the converter (CBM92AD68-80): document 002, section 1.3."""
-_BURST = 1 << 40
-"""Added to a frame's number where ion bursts take their size from the stream of ion events."""
 
 
 @dataclass(frozen=True, eq=False)

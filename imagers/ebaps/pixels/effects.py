@@ -46,11 +46,12 @@ COSTS: Final[dict[str, float]] = {
     "stripes": 2.0,
     "read noise": 100.0,
 }
-
-
 QUANTUM = 1 / 12
 """Variance of rounding to whole DN, DN^2."""
 EMISSION = "photocathode emission"
+_BELOW, _ABOVE = 6.0, 12.0
+"""Standard deviations that must stay clear of either end of the scale. Nothing but read noise and
+offsets goes below black; ion events make the upper tail a long one."""
 
 
 @dataclass(frozen=True)
@@ -156,11 +157,6 @@ class Budget:
         """Temporal variance, DN^2, quantization included."""
         electrons = self.tube_variance + self.dark + self.leaked + self.silicon.read_noise**2
         return electrons * self.silicon.dn_per_electron**2 + QUANTUM
-
-
-_BELOW, _ABOVE = 6.0, 12.0
-"""Standard deviations that must stay clear of either end of the scale. Nothing but read noise and
-offsets goes below black; ion events make the upper tail a long one."""
 
 
 def _noise(share: Any) -> Any:

@@ -41,8 +41,9 @@ PAIR_ENERGY: Final = 3.6
 """eV that an electron-hole pair in silicon takes of a fast electron, about."""
 FANO: Final = 0.11
 """Variance over mean of the pairs that an energy makes in silicon."""
-
 Values = npt.NDArray[np.float64]
+MONOCHROMATIC: Final = "monochromatic"
+"""Name of light of one wavelength, beside those of `ILLUMINANTS`."""
 
 
 @dataclass(frozen=True)
@@ -159,10 +160,6 @@ class Tube:
         return 2 * self.gap
 
 
-MONOCHROMATIC: Final = "monochromatic"
-"""Name of light of one wavelength, beside those of `ILLUMINANTS`."""
-
-
 @dataclass(frozen=True)
 class Response:
     """Quantum efficiency against wavelength: a trapezoid.
@@ -210,6 +207,7 @@ PHOTOCATHODES: Final = {
 }
 """Band ends of GaAs: document 002; its fall begins at the band gap, 1.424 eV. The other corners are
 assumed: GaAsP ends near its own band gap, about 1.7 eV. 1.19e16 and 4.5e15 electrons."""
+
 SILICON: Final = Response(300, 500, 800, 1107, 5287.0)
 """Back-thinned, 3.3e16 electrons, up to its band gap, 1.12 eV; the other corners are assumed."""
 

@@ -30,11 +30,12 @@ from imagers.emccd.device.cold_plant import Plant, Temperatures, Thermistor
 from imagers.emccd.pixels.chip import WORKING_KELVIN, ZERO_CELSIUS
 
 Values = npt.NDArray[np.float64]
-
 _FRACTION: Final = 12
 """Fractional bits of gains and integral."""
 _BLOCK: Final = 256
 """Number of samples whose noise is drawn at once."""
+Ambient = Callable[[float], float]
+"""Time in s -> temperature of the air, K."""
 
 
 class CoolingFault(Enum):
@@ -122,8 +123,6 @@ class Pid:
         return self.drive
 
 
-Ambient = Callable[[float], float]
-"""Time in s -> temperature of the air, K."""
 Break = Callable[[float], CoolingFault]
 """Time in s -> fault of the thermistor."""
 

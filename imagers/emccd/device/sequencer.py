@@ -23,6 +23,16 @@ from imagers.common.trace import Signal
 from imagers.emccd.device.timing import Settings, Timing, frame_clocks
 
 Clocks = npt.NDArray[np.int64]
+SIGNALS: Final = (
+    Signal("phase", 3),
+    Signal("image_clock"),  # I-phi: shifts the image area, one pulse per row
+    Signal("store_clock"),  # S-phi: shifts the store
+    Signal("register_clock"),  # R-phi runs: one pixel per system clock
+    Signal("dump_gate"),  # DG: the horizontal register is drained
+    Signal("frame_sync"),
+    Signal("line_sync"),  # a pixel of the 536 columns is at the output
+)
+"""Signals of a trace. A shift pulse is high for the first half of its clocks, rounded down."""
 
 
 class Phase(IntEnum):
@@ -36,18 +46,6 @@ class Phase(IntEnum):
     DUMP_BEFORE = 5
     READOUT = 6
     DUMP_AFTER = 7
-
-
-SIGNALS: Final = (
-    Signal("phase", 3),
-    Signal("image_clock"),  # I-phi: shifts the image area, one pulse per row
-    Signal("store_clock"),  # S-phi: shifts the store
-    Signal("register_clock"),  # R-phi runs: one pixel per system clock
-    Signal("dump_gate"),  # DG: the horizontal register is drained
-    Signal("frame_sync"),
-    Signal("line_sync"),  # a pixel of the 536 columns is at the output
-)
-"""Signals of a trace. A shift pulse is high for the first half of its clocks, rounded down."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,6 @@ from imagers.emccd.pixels import HighVoltage
 from imagers.emccd.pixels.multiplication import GAIN_STEPS
 
 Values = npt.NDArray[np.float64]
-
 _CALIBRATED: Final = 25.0
 """degC of the transformer at the calibration (assumed)."""
 _GATE: Final = 3.0
@@ -45,6 +44,8 @@ _HEADROOM: Final = 1.5
 """Largest y over the largest peak (assumed)."""
 _EXACT: Final = 1e-9
 """V within which the peak counts as its steady state."""
+_State = tuple[float, float, float]
+"""y, A, D in V."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +91,6 @@ class _Loop(NamedTuple):
     decay: float
     amplifier: float
     tank: float
-
-
-_State = tuple[float, float, float]
-"""y, A, D in V."""
 
 
 @njit(cache=True, nogil=True)

@@ -18,6 +18,25 @@ from dataclasses import dataclass
 from itertools import repeat
 from typing import Final, NamedTuple
 
+INTERLOCKS: Final = (
+    ("output_drain", "substrate"),
+    ("reset_drain", "substrate"),
+    ("dump_drain", "substrate"),
+    ("substrate", "area_clocks"),
+    ("substrate", "register_clocks"),
+    ("register_clocks", "high_voltage"),
+    ("dc_gate", "high_voltage"),
+)
+"""(first, second): the second rail must be off unless the first is good."""
+_GOOD: Final = 0.95
+"""Share of its voltage from which a rail is good; 1 - this is the share up to which it is off."""
+_OFF: Final = 1.0 - _GOOD
+_ROUNDING: Final = 1e-9
+_PATIENCE: Final = 4.0
+"""Ramps after which a rail that is not good has failed."""
+_TICK: Final = 1e-5
+"""s, of the sequencer."""
+
 
 class Rail(NamedTuple):
     """A supply.
@@ -51,25 +70,8 @@ RAILS: Final = {
     )
 }
 """All values are assumed."""
+
 ORDER: Final = tuple(RAILS)
-INTERLOCKS: Final = (
-    ("output_drain", "substrate"),
-    ("reset_drain", "substrate"),
-    ("dump_drain", "substrate"),
-    ("substrate", "area_clocks"),
-    ("substrate", "register_clocks"),
-    ("register_clocks", "high_voltage"),
-    ("dc_gate", "high_voltage"),
-)
-"""(first, second): the second rail must be off unless the first is good."""
-_GOOD: Final = 0.95
-"""Share of its voltage from which a rail is good; 1 - this is the share up to which it is off."""
-_OFF: Final = 1.0 - _GOOD
-_ROUNDING: Final = 1e-9
-_PATIENCE: Final = 4.0
-"""Ramps after which a rail that is not good has failed."""
-_TICK: Final = 1e-5
-"""s, of the sequencer."""
 
 
 def broken_interlock(order: Sequence[str]) -> tuple[str, str] | None:

@@ -39,9 +39,16 @@ from imagers.emccd.pixels.chip import STAGES, WORKING_KELVIN
 
 Values = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
-
 _ATTEMPTS: Final = 64
 """Counters reserved for a stage; a rejection needs more with probability below 1e-40."""
+TEXT_PEAK: Final = (37.0, 45.0)
+"""V, peak of the high-voltage clock in the document's text: the one that is used."""
+SUMMARY_PEAK: Final = (37.0, 50.0)
+"""V, in the document's summary, which contradicts its text."""
+GAIN_STEPS: Final = 256
+GAIN_RANGE: Final = (1.0, 1000.0)
+_LOWEST: Final = 1.01
+"""Gain at the lower end: 1 within 1 %."""
 
 
 def stage_probability(gain: float, stages: int = STAGES) -> float:
@@ -160,16 +167,6 @@ def multiply(
     k = fast_shape(gain, stages)
     made = negative_binomial(k * held, (gain - 1.0) / k, numbers, frame, seed, stream)
     return held + made
-
-
-TEXT_PEAK: Final = (37.0, 45.0)
-"""V, peak of the high-voltage clock in the document's text: the one that is used."""
-SUMMARY_PEAK: Final = (37.0, 50.0)
-"""V, in the document's summary, which contradicts its text."""
-GAIN_STEPS: Final = 256
-GAIN_RANGE: Final = (1.0, 1000.0)
-_LOWEST: Final = 1.01
-"""Gain at the lower end: 1 within 1 %."""
 
 
 def document_gain(volts: float, peak: tuple[float, float] = TEXT_PEAK) -> float:

@@ -14,6 +14,12 @@ from cosim.config.units import KINDS as QUANTITIES
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.scenario import KINDS
 
+_QUANTITIES = frozenset(map(str, QUANTITIES.values()))
+_TYPES = {"integer": "a whole number", "number": "a number", "string": "text",
+          "boolean": "true or false", "array": "a list", "object": "a section"}  # fmt: skip
+_LIMITS = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below",
+           "maximum": "at most", "multipleOf": "a multiple of"}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Key:
@@ -41,13 +47,6 @@ class Key:
         return "; ".join(part for part in (
             f"{self.name}{kinds}: {self.accepts}", default, self.meaning
         ) if part)  # fmt: skip
-
-
-_QUANTITIES = frozenset(map(str, QUANTITIES.values()))
-_TYPES = {"integer": "a whole number", "number": "a number", "string": "text",
-          "boolean": "true or false", "array": "a list", "object": "a section"}  # fmt: skip
-_LIMITS = {"exclusiveMinimum": "above", "minimum": "at least", "exclusiveMaximum": "below",
-           "maximum": "at most", "multipleOf": "a multiple of"}  # fmt: skip
 
 
 def _resolved(node: dict[str, Any]) -> dict[str, Any]:

@@ -27,11 +27,13 @@ from scenarios.scenes.catalogue import scene_keys
 
 FRONT = "glass"
 """The scenario that runs by default."""
-
-
 _PARTS = 20
 """Maximum number of parts of a dotted key; the longest one of the schema has four."""
 _DEEP = re.compile(rf"""(?:^|[\[{{,])\s*(?:[\w"'-]+\s*\.\s*){{{_PARTS}}}""", re.MULTILINE)
+_PIXELS = {"synchronous": "latched"}
+"""Kinds of pixel by their former names."""
+_EITHER = (("imager.gain", "imager.gain_step"), ("imager.pulses", "imager.pulse_rate"))
+"""Pairs of keys that exclude each other."""
 
 
 def shipped() -> dict[str, str]:
@@ -92,10 +94,6 @@ def _value(text: str) -> Any:
     return text
 
 
-_PIXELS = {"synchronous": "latched"}
-"""Kinds of pixel by their former names."""
-
-
 def _in_current_names(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a scenario with `pixel` in place of `readout`, its former name, in each [sensor]:
     files and commands of before are read as before."""
@@ -132,10 +130,6 @@ def assign(data: dict[str, Any], assignment: str) -> None:
     if names[-2:] == ["sensor", "readout"]:
         names[-1], text = "pixel", _PIXELS.get(text, text)
     node[names[-1]] = _value(text)
-
-
-_EITHER = (("imager.gain", "imager.gain_step"), ("imager.pulses", "imager.pulse_rate"))
-"""Pairs of keys that exclude each other."""
 
 
 def _remove_conflicts(data: dict[str, Any], assignments: list[str]) -> None:

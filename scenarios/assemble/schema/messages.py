@@ -18,6 +18,32 @@ from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.order import check_order
 from scenarios.assemble.schema.scenario import AnyScenario, kind_of_data
 
+_NESTED = {"model_type": "a section", "model_attributes_type": "a section", "tuple_type": "a list"}
+_MUST = {
+    "string_type": "text",
+    "string_unicode": "text in UTF-8",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number of fewer digits",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "greater_than": "above {gt:g}",
+    "greater_than_equal": "at least {ge:g}",
+    "less_than": "below {lt}",
+    "less_than_equal": "at most {le:g}",
+    "multiple_of": "a multiple of {multiple_of:g}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+    "literal_error": "{expected}",
+}
+"""The requirement of a key, by pydantic's type of error; its context fills the braces."""
+_OF_KEY: Final = re.compile(r"(?P<key>[a-z_]+) must be (?P<must>.+), not (?P<actual>.+)")
+"""What a section says of one of its keys, and of a value that is not repeated."""
+KEYS: Final = 200
+"""Maximum length of a list of keys in a message, characters."""
+
 
 @dataclass(frozen=True)
 class _Place:
@@ -142,35 +168,6 @@ def _resolve(node: dict[str, Any]) -> dict[str, Any]:
                 merged.setdefault("examples", inner["examples"])
         return merged
     return node
-
-
-_NESTED = {"model_type": "a section", "model_attributes_type": "a section", "tuple_type": "a list"}
-_MUST = {
-    "string_type": "text",
-    "string_unicode": "text in UTF-8",
-    "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_parsing_size": "a whole number of fewer digits",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "finite_number": "a finite number",
-    "greater_than": "above {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "below {lt}",
-    "less_than_equal": "at most {le:g}",
-    "multiple_of": "a multiple of {multiple_of:g}",
-    "too_short": "a list of at least {min_length}",
-    "too_long": "a list of at most {max_length}",
-    "literal_error": "{expected}",
-}
-"""The requirement of a key, by pydantic's type of error; its context fills the braces."""
-
-_OF_KEY: Final = re.compile(r"(?P<key>[a-z_]+) must be (?P<must>.+), not (?P<actual>.+)")
-"""What a section says of one of its keys, and of a value that is not repeated."""
-
-KEYS: Final = 200
-"""Maximum length of a list of keys in a message, characters."""
 
 
 def _holder(data: Any, loc: tuple[int | str, ...]) -> Mapping[str, Any]:

@@ -16,6 +16,14 @@ from cosim import InputError
 from cosim.run.inputs import FILE, PIPE
 
 Data = dict[str, Any]
+_IMAGER = (
+    "remove one of them: an [imager] is the sensor itself, before a [scene] and a [lens], and may "
+    "have a [link] and a [display]"
+)
+_BOARD = (
+    "remove one of them: a bring-up makes no stream; sensor.source = serial:PORT puts a board into "
+    "a chain"
+)
 
 
 class _Rule(NamedTuple):
@@ -56,15 +64,6 @@ def _sourceless(data: Data) -> bool:
 def _unlatched(data: Data) -> bool:
     return _value(data, "sensor", "pixel") in ("asynchronous", "continuous")
 
-
-_IMAGER = (
-    "remove one of them: an [imager] is the sensor itself, before a [scene] and a [lens], and may "
-    "have a [link] and a [display]"
-)
-_BOARD = (
-    "remove one of them: a bring-up makes no stream; sensor.source = serial:PORT puts a board into "
-    "a chain"
-)
 
 RULES: tuple[_Rule, ...] = (
     _Rule(

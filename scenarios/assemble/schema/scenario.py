@@ -26,6 +26,13 @@ from sensor.sections.readout import ReadoutSection
 from sensor.sections.recorded import RecordedSection
 from sensor.sections.sensor import SensorSection
 
+_DISPLAY: Any = Field(
+    default=None, description="the display that shows the stream; none by default"
+)
+_CAMERA: Any = Field(default=None, description="the camera that films the display; none by default")
+_CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
+_LINK: Any = Field(default=None, description="link that carries the coded stream; none by default")
+
 
 class ImageSection(Section):
     """The instants and the window of the images that a run reconstructs."""
@@ -52,16 +59,6 @@ class ImageSection(Section):
     @property
     def preceding(self) -> bool:
         return self.placing == "preceding"
-
-
-_DISPLAY: Any = Field(
-    default=None, description="the display that shows the stream; none by default"
-)
-_CAMERA: Any = Field(default=None, description="the camera that films the display; none by default")
-
-
-_CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
-_LINK: Any = Field(default=None, description="link that carries the coded stream; none by default")
 
 
 class _Linked(Section):
@@ -176,6 +173,7 @@ class BoardScenario(Section):
 
 StreamScenario = Scenario | ImagerScenario | RecordingScenario
 """Scenarios whose stream may have a link, a display or a board behind it."""
+
 AnyScenario = StreamScenario | LinkScenario | BoardScenario
 
 

@@ -43,6 +43,11 @@ from sensor.asynchronous.setting import event_camera
 from sensor.asynchronous.study import AsynchronousStudy
 from sensor.sections.unlatched import AsynchronousSection
 
+MOST = 10**9
+"""Firings of a probe beyond which it ends; probes are small."""
+PART = 4096
+"""Cycles of a probe whose firings are in memory together."""
+
 
 def with_defaults(scenario: Scenario) -> Scenario:
     """The scenario with [sensor.asynchronous] written out."""
@@ -155,14 +160,6 @@ class EventFeed(Feed):
             return Planes(held_events(events, self.clock, self.cycles))
         full, partial = only_full(events)
         return Planes(ClockedEvents(full, self.clock, self.cycles), partial=partial)
-
-
-MOST = 10**9
-"""Firings of a probe beyond which it ends; probes are small."""
-
-
-PART = 4096
-"""Cycles of a probe whose firings are in memory together."""
 
 
 @dataclass(frozen=True)

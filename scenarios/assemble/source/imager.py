@@ -33,6 +33,14 @@ from scenarios.scenes.charts.target import target_course, target_plane
 from scenarios.scenes.kinds.grid import SceneGrid
 from scenarios.scenes.kinds.target import TargetScene
 
+LIGHT_CLOCK = Clock(1000)
+"""The default clock on whose edges a moving scene is drawn. An edge in the scene that moves faster
+than one pixel a millisecond is drawn more coarsely; a note of the run states this."""
+PLANES: Final = 40e3
+"""Planes a second for the frames of an imager, unless display.clock or link.sensor.clock says
+otherwise."""
+Values = npt.NDArray[np.float64]
+
 
 def assemble_imager(name: str, scenario: ImagerScenario, options: Options) -> ImagerMachine:
     """The machine of a scenario. Raises InputError."""
@@ -72,15 +80,6 @@ def _refuse_device(device: str | None) -> None:
             "--device", "numba, or absent, for an imager other than a spike camera", repr(device),
             "leave it out: these imagers run on this processor",
         )  # fmt: skip
-
-
-LIGHT_CLOCK = Clock(1000)
-"""The default clock on whose edges a moving scene is drawn. An edge in the scene that moves faster
-than one pixel a millisecond is drawn more coarsely; a note of the run states this."""
-PLANES: Final = 40e3
-"""Planes a second for the frames of an imager, unless display.clock or link.sensor.clock says
-otherwise."""
-Values = npt.NDArray[np.float64]
 
 
 def _gain(scenario: ImagerScenario) -> tuple[float, str]:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rtl_model.bringup.bench.stage import Stage
     from rtl_model.host.replay import LogEvent
 
+_PRINTED = 4  # most words of a transaction that are printed
+
 
 @expand_options
 def board_bringup(
@@ -103,9 +105,6 @@ def _short(stage: Stage) -> str:
     from rtl_model.bringup.report.summary import stage_text
 
     return stage_text(stage)
-
-
-_PRINTED = 4  # most words of a transaction that are printed
 
 
 def board_replay(

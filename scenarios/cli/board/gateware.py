@@ -17,8 +17,8 @@ from scenarios.cli.output import Json, print_document, size_option, tell
 if TYPE_CHECKING:
     from rtl_model.gateware import Design, Fit
 
-
 _IP, _MAC = "192.168.1.50", "10:e2:d5:00:00:01"  # of a board that is given none
+_CODES = ("first-spike", "layered")  # the lossless ones
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,6 @@ def _text(design: Design, out: Path, files: list[str], cells: Fit | None) -> lis
         ),
     ]
     return lines
-
-
-_CODES = ("first-spike", "layered")  # the lossless ones
 
 
 def board_links(

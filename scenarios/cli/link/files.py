@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from cosim import Clock
     from link.receiving import Received
 
-
 _MOST_BLOCKS = 100_000
 """Most blocks of one rate in --rates."""
+_WORDS = 8
+"""Words of a block that is read at a time: 256 ticks."""
 
 
 @dataclass(frozen=True)
@@ -208,10 +209,6 @@ def _refused(text: str) -> Exception:
         return InputError("the link", "one that can be sent", text, "choose another mode")
     flag = {"width": "--size", "height": "--size", "the file": "FILE"}.get(what, f"--{what}")
     return InputError(flag, must, given, "choose one of these")
-
-
-_WORDS = 8
-"""Words of a block that is read at a time: 256 ticks."""
 
 
 def link_receive(

@@ -12,6 +12,14 @@ from cosim.config.amounts import number
 from scenarios.cli.options import check_figure
 from scenarios.cli.output import Json, print_document, tell
 
+design = typer.Typer(
+    name="design",
+    help="Choose hardware: dynamic range within a budget.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
 
 def design_dynamic_range(
     budget: Annotated[
@@ -110,15 +118,6 @@ def _text(document: dict[str, Any], top: int) -> str:
     if len(rows) > top:
         lines.append(f"... {len(rows) - top} more (--top, --json)")
     return "\n".join(lines)
-
-
-design = typer.Typer(
-    name="design",
-    help="Choose hardware: dynamic range within a budget.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
 
 
 @design.callback()

@@ -22,7 +22,6 @@ from cosim.report.figures import own_settings
 from scenarios.scenes.drawing.canvas import check_instant, check_shape
 
 Picture = npt.NDArray[np.float32]
-
 FINE = 4
 """Number of fine columns and rows in a pixel."""
 WHITE_RATE = 0.6
@@ -36,6 +35,10 @@ LINES = (2, 3, 4, 6, 8, 12)
 """Periods of the groups of lines in a picture 1000 pixels wide, pixels."""
 BITS = 4
 """Fractional bits of coordinates in fine pixels."""
+PURSUIT = 4000.0
+"""Speed of the fast strips, which an eye follows, pixels/s, for any size of picture."""
+SLOW = 1000.0
+"""Speed of the slow strip, pixels/s."""
 
 
 class _Brush:
@@ -248,10 +251,6 @@ def slow(rows: int, width: int) -> Picture:
     return brush.averaged(columns=False)
 
 
-PURSUIT = 4000.0
-"""Speed of the fast strips, which an eye follows, pixels/s, for any size of picture."""
-SLOW = 1000.0
-"""Speed of the slow strip, pixels/s."""
 STRIPS = (
     (0.325, 0.510, words, PURSUIT),
     (0.520, 0.610, bars, PURSUIT),

@@ -28,6 +28,7 @@ _GAP: Final = 0.06
 """Black around a patch, as a share of its cell on each side."""
 _LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _FOREVER: Final = 2**62
+BARS = 8
 
 
 def linear(code: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -85,9 +86,6 @@ class ColourChart:
             (min((y0 + y1) // 2, low), min((x0 + x1) // 2, right), name)
             for (y0, y1, x0, x1), name in places
         ]
-
-
-BARS = 8
 
 
 class StepSource:

@@ -20,11 +20,26 @@ Pose = tuple[bool, int]
 """What turns a stored picture upright: whether it is mirrored, left to right, and then the number
 of quarter turns, counterclockwise."""
 AS_STORED: Final[Pose] = (False, 0)
-
 _MATRIX: Final = 6
 """FFmpeg's number of the side data with a display matrix."""
 _KINDS: Final = 40
 """Kinds of side data, with some to come."""
+MOST_PIXELS: Final = 1 << 26
+"""Pixels of a picture, at most: twice those of 8K video (7680 x 4320)."""
+DECODING: Final = {"max_pixels": str(MOST_PIXELS)}
+"""Options of FFmpeg: it refuses larger pictures when it has read their size."""
+CONVERTING: Final = {"threads": 1}
+"""Options of the conversion of a frame. With more, each frame that is kept would keep threads of
+its own; a forked process has none of them, and would wait for ever to free the frame."""
+_BYTES: Final = 40
+"""Bytes that a picture takes for each pixel while it is read, at most: decoded, with 16 bits of
+three colours, and as three float32 twice."""
+_WIDEST: Final = 8
+"""Times the pixels of the sensor up to which a scaled picture is cropped after it is scaled."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
+_CROPPED = 0.9
+"""Share of the picture below which a note states that it is cropped."""
 
 
 def _filtered(frames: Sequence[Any], *filters: tuple[str, str]) -> list[Any]:
@@ -94,25 +109,6 @@ def deinterlaced(before: Any | None, frame: Any, after: Any | None) -> Any:
     frames = [each for each in (before, frame, after) if each is not None]
     made = _filtered(frames, ("bwdif", "mode=send_frame:deint=interlaced"))
     return made[0 if before is None else 1]
-
-
-MOST_PIXELS: Final = 1 << 26
-"""Pixels of a picture, at most: twice those of 8K video (7680 x 4320)."""
-DECODING: Final = {"max_pixels": str(MOST_PIXELS)}
-"""Options of FFmpeg: it refuses larger pictures when it has read their size."""
-CONVERTING: Final = {"threads": 1}
-"""Options of the conversion of a frame. With more, each frame that is kept would keep threads of
-its own; a forked process has none of them, and would wait for ever to free the frame."""
-_BYTES: Final = 40
-"""Bytes that a picture takes for each pixel while it is read, at most: decoded, with 16 bits of
-three colours, and as three float32 twice."""
-_WIDEST: Final = 8
-"""Times the pixels of the sensor up to which a scaled picture is cropped after it is scaled."""
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Weights of linear R, G, B (Rec. ITU-R BT.709-6, item 3.2)."""
-_CROPPED = 0.9
-"""Share of the picture below which a note states that it is cropped."""
 
 
 class Fit:

@@ -30,6 +30,7 @@ _SKETCHED: Final = 4
 """Every how many planes one is drawn for the range of the light."""
 _KEPT: Final = 2
 """Passes over clips that are remembered: a scene is made anew for each pass of a run."""
+_COURSES: dict[Any, _Course] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +69,6 @@ class Example:
     seconds: float
     linear: Plane
     motion: Plane
-
-
-_COURSES: dict[Any, _Course] = {}
 
 
 class MotionFilm(FilmSource):

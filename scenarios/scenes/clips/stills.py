@@ -24,6 +24,15 @@ _MOST_HEIF: Final = 1 << 24
 _CODED: Final = (b"hvc1", b"hev1", b"av01", b"avc1", b"jpeg")
 _ALPHA: Final = b":alpha", b"hevc:2015:auxid:1"
 """Ends of the types of auxiliary items of transparency (ISO/IEC 23008-12, 6.6.2.1)."""
+_SUBFILE, _WIDTH, _HEIGHT = 254, 256, 257
+_TILE_WIDTH, _TILE_HEIGHT, _SAMPLES = 322, 323, 339
+_TAGS: Final = (_SUBFILE, _WIDTH, _HEIGHT, _TILE_WIDTH, _TILE_HEIGHT, _SAMPLES)
+"""Tags (TIFF revision 6.0, sections 8, 15 and 19)."""
+_FORMAT: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}
+"""Format of a value by its type: BYTE, SHORT, LONG, and LONG8 of BigTIFF."""
+_MOST_TIFF: Final = 4096
+"""Entries of a directory that are read."""
+_MOST_PAGES: Final = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -278,17 +287,6 @@ def _composed(tiles: Tiles, planes: dict[int, npt.NDArray[Any]], fit: Fit) -> np
         for n in range(0, len(parts), tiles.columns)
     ]
     return np.concatenate(lines)[: tiles.shape[0], : tiles.shape[1]]
-
-
-_SUBFILE, _WIDTH, _HEIGHT = 254, 256, 257
-_TILE_WIDTH, _TILE_HEIGHT, _SAMPLES = 322, 323, 339
-_TAGS: Final = (_SUBFILE, _WIDTH, _HEIGHT, _TILE_WIDTH, _TILE_HEIGHT, _SAMPLES)
-"""Tags (TIFF revision 6.0, sections 8, 15 and 19)."""
-_FORMAT: Final = {1: "B", 3: "H", 4: "I", 16: "Q"}
-"""Format of a value by its type: BYTE, SHORT, LONG, and LONG8 of BigTIFF."""
-_MOST_TIFF: Final = 4096
-"""Entries of a directory that are read."""
-_MOST_PAGES: Final = 1 << 16
 
 
 @dataclass(frozen=True)

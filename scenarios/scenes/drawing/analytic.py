@@ -14,6 +14,11 @@ from cosim.light.light import PlaneMap
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Points, Sketch, Source
 
+MOTION_STEP = 1.0
+"""Largest motion of an edge between two instants at which an analytic scene is drawn, pixels. The
+light in between is interpolated linearly. A pixel that an edge passes then receives the correct
+total light, with an error in time of at most half this step."""
+
 
 def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, str]]:
     """`n` pixels spread evenly over a plane by the R2 sequence: row, column, name."""
@@ -24,12 +29,6 @@ def spread_points(shape: tuple[int, int], n: int = 10) -> list[tuple[int, int, s
         for i in range(1, n + 1)
     ]
     return [(row, column, f"row {row}, column {column}") for row, column in places]
-
-
-MOTION_STEP = 1.0
-"""Largest motion of an edge between two instants at which an analytic scene is drawn, pixels. The
-light in between is interpolated linearly. A pixel that an edge passes then receives the correct
-total light, with an error in time of at most half this step."""
 
 
 class AnalyticScene(Protocol):

@@ -32,6 +32,22 @@ ROUGH = 0.02
 """Relative density of eddies, peak to peak (assumed)."""
 SWELLS = tuple(1.0 + 0.02 * m + 0.0114 * m * m for m in range(14))
 """Standoffs over the steady standoff for which the flow of a sphere is computed."""
+GLADSTONE_DALE = 2.26e-4
+"""K of air for visible light, m3/kg (Merzkirch: 2.264e-4 at 568 nm)."""
+RANGE = 3.5e-4
+"""Deflection that shifts the image of the source by half its height, so that all or no light
+passes, rad: 0.35 mm at a mirror of 1 m focal length (assumed)."""
+OPEN = 0.5
+"""Share of the light that passes without deflection: the knife edge blocks half."""
+LEAK = 0.04
+"""Share of the light that passes when the knife edge blocks the whole image: diffraction at the
+edge, and scatter (assumed)."""
+STRAY = 0.012
+"""Stray light in the image of an opaque body, lamp = 1 (assumed)."""
+ROUND = 0.955
+"""Radius of the round window over half the diagonal of the picture (assumed)."""
+STREAKS = 0.03
+"""Non-uniformity of lamp and window glass, peak to peak (assumed)."""
 
 
 # A compiled kernel has separate arguments: unpacking a record of arrays would cost time in each
@@ -139,24 +155,6 @@ def flows(body: Wedge | Sphere, x: Any, y: Any, way: float) -> list[Plane]:
             plane[:, columns:] = planes[0][:, columns:]
         planes.append(plane)
     return planes
-
-
-GLADSTONE_DALE = 2.26e-4
-"""K of air for visible light, m3/kg (Merzkirch: 2.264e-4 at 568 nm)."""
-RANGE = 3.5e-4
-"""Deflection that shifts the image of the source by half its height, so that all or no light
-passes, rad: 0.35 mm at a mirror of 1 m focal length (assumed)."""
-OPEN = 0.5
-"""Share of the light that passes without deflection: the knife edge blocks half."""
-LEAK = 0.04
-"""Share of the light that passes when the knife edge blocks the whole image: diffraction at the
-edge, and scatter (assumed)."""
-STRAY = 0.012
-"""Stray light in the image of an opaque body, lamp = 1 (assumed)."""
-ROUND = 0.955
-"""Radius of the round window over half the diagonal of the picture (assumed)."""
-STREAKS = 0.03
-"""Non-uniformity of lamp and window glass, peak to peak (assumed)."""
 
 
 @njit(cache=True, nogil=True)

@@ -16,6 +16,9 @@ from cosim.run.folder import room_for
 from cosim.run.result import dumps
 from cosim.run.workers import workers_for
 
+Job = tuple[int, tuple[Any, ...]]
+Result = tuple[int, Any]
+
 
 def begin_batch(what: str, folder: Path, stated: dict[str, Any], inner: str, resume: bool) -> bool:
     """Creates the folder, with WHAT.json and an empty folder for the results, or checks that it
@@ -67,10 +70,6 @@ def read_document(path: Path, what: str) -> Any:
             path.name, f"the file that the {what} wrote", f"a damaged file ({path})",
             "remove it (of one result, to make that again), and resume",
         ) from exc  # fmt: skip
-
-
-Job = tuple[int, tuple[Any, ...]]
-Result = tuple[int, Any]
 
 
 def run_jobs(

@@ -33,32 +33,6 @@ _WORDS: Final = 8
 """Number of words per pixel in a call: 32 MB of spikes, more than the cache."""
 _PLAIN_CYCLES: Final = 8
 _TURNS: Final = 5
-
-
-def readout_row(device: Device, ceiling: float | None) -> TimingRow:
-    """The row `sensor.readout`. The plain implementation unpacks and packs the bits in numpy.
-
-    Args:
-        device: OpenCL device.
-        ceiling: measured ceiling, pixel-cycles/s, None if unknown.
-    """
-    random = np.random.default_rng(1)
-    words = random.integers(0, 1 << 32, (_WORDS, *RAW_SIZE[::-1]), dtype=np.uint32)
-    cycles = _WORDS * WORD
-    readout = Readout(device)
-    raw = readout.read(words, cycles)
-    spent, plain_spent = least_of(
-        [lambda: readout.read(words, cycles, raw), lambda: read_in_numpy(words[:1], _PLAIN_CYCLES)],
-        _TURNS,
-    )
-    value = cycles * FRAME_BYTES * 8 / spent
-    share = cycles * RAW_SIZE[0] * RAW_SIZE[1] / spent / ceiling if ceiling else None
-    plain = _PLAIN_CYCLES * FRAME_BYTES * 8 / plain_spent
-    return TimingRow(
-        "sensor.readout", "exact", value, "bit/s", value / BIT_RATE, share, value / plain
-    )
-
-
 AIM: Final = 100e6
 """Real time: Ethernet of 100 Mbit/s, whose payload is less, bit/s."""
 SECONDS: Final = 3.0
@@ -83,6 +57,30 @@ print(udp.getsockname()[1], flush=True)
 while True:
     udp.sendto(answer, udp.recvfrom(65536)[1])
 """
+
+
+def readout_row(device: Device, ceiling: float | None) -> TimingRow:
+    """The row `sensor.readout`. The plain implementation unpacks and packs the bits in numpy.
+
+    Args:
+        device: OpenCL device.
+        ceiling: measured ceiling, pixel-cycles/s, None if unknown.
+    """
+    random = np.random.default_rng(1)
+    words = random.integers(0, 1 << 32, (_WORDS, *RAW_SIZE[::-1]), dtype=np.uint32)
+    cycles = _WORDS * WORD
+    readout = Readout(device)
+    raw = readout.read(words, cycles)
+    spent, plain_spent = least_of(
+        [lambda: readout.read(words, cycles, raw), lambda: read_in_numpy(words[:1], _PLAIN_CYCLES)],
+        _TURNS,
+    )
+    value = cycles * FRAME_BYTES * 8 / spent
+    share = cycles * RAW_SIZE[0] * RAW_SIZE[1] / spent / ceiling if ceiling else None
+    plain = _PLAIN_CYCLES * FRAME_BYTES * 8 / plain_spent
+    return TimingRow(
+        "sensor.readout", "exact", value, "bit/s", value / BIT_RATE, share, value / plain
+    )
 
 
 def board_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:

@@ -40,6 +40,15 @@ SPEED = 4000.0
 """Speed of the pursuing eye, pixels/s."""
 Kind = Literal["impulse", "hold", "causal", "pursuit"]
 KINDS: tuple[Kind, ...] = ("impulse", "hold", "causal", "pursuit")
+LOOPS: Final[dict[str, tuple[str, ...]]] = {
+    "loop.glass": ("glass",), "loop.glass-over-light": ("glass-over-light",),
+}  # fmt: skip
+"""Scenario, and values of --set, by the name of the row."""
+DURATION: Final = "16 ms"
+"""Duration of light: a part of the shipped scenarios, whose cost grows with the time."""
+WARM: Final = "2 ms"
+"""Duration of a run before those that are timed, which builds kernels and shaders for all. No
+shorter than the window of an image."""
 
 
 def _words(cycles: int, shape: tuple[int, int]) -> npt.NDArray[np.uint32]:
@@ -98,17 +107,6 @@ def display_rows(device: Device | None, ceiling: float | None) -> list[TimingRow
                 value / plain)
         )  # fmt: skip
     return rows
-
-
-LOOPS: Final[dict[str, tuple[str, ...]]] = {
-    "loop.glass": ("glass",), "loop.glass-over-light": ("glass-over-light",),
-}  # fmt: skip
-"""Scenario, and values of --set, by the name of the row."""
-DURATION: Final = "16 ms"
-"""Duration of light: a part of the shipped scenarios, whose cost grows with the time."""
-WARM: Final = "2 ms"
-"""Duration of a run before those that are timed, which builds kernels and shaders for all. No
-shorter than the window of an image."""
 
 
 def loop_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:

@@ -26,6 +26,13 @@ from sensor.latched.pixel.model import ExactModel
 
 THRESHOLD: Final = 1000.0
 """Threshold of the pixels, electrons."""
+_WIDTH: Final = 1000
+_PIXELS: Final = {f"1e{k}": 10**k for k in range(4, 9)}
+_CYCLES: Final = {"64": 64, "512": 512, "4096": 4096, "1e5": 10**5}
+_CALL: Final = 512
+"""Cycles of a call; longer runs make several."""
+_STATE: Final = 60
+"""Bytes of a pixel beside its spikes: light, state, number, and copies of them."""
 
 
 def planned_pixels(
@@ -47,15 +54,6 @@ def planned_pixels(
         flags=np.full((height, -(-width // LANES)), flags, np.uint8),
     )  # fmt: skip
     return FastPixels(array, device)
-
-
-_WIDTH: Final = 1000
-_PIXELS: Final = {f"1e{k}": 10**k for k in range(4, 9)}
-_CYCLES: Final = {"64": 64, "512": 512, "4096": 4096, "1e5": 10**5}
-_CALL: Final = 512
-"""Cycles of a call; longer runs make several."""
-_STATE: Final = 60
-"""Bytes of a pixel beside its spikes: light, state, number, and copies of them."""
 
 
 def _rate(device: Device, n: int, cycles: int) -> float:

@@ -43,6 +43,26 @@ from scenarios.studies.bench.modem import film_link, modem_rows
 
 AIM: Final = 8e9
 """Data that the link should carry, bit/s."""
+DATA_BITS: Final = 8448
+CODES: Final = {9216: 0.4000, 9600: 0.4687, 10368: 0.5539}
+"""Bits of a word as sent -> standard deviation of the noise on signs of +-1 in which the rate is
+.94 of the capacity."""
+LDPC_WORDS, PLAIN_WORDS, LDPC_TURNS = 512, 8, 3
+PARITY: Final = 32
+WRONG: Final = (0, 4, 16)
+"""Wrong bytes of a word."""
+RS_WORDS, RS_TURNS = 4096, 3
+DETECTORS: Final = ("joint", "packed")
+"""Names; the ratio of a row is over the first."""
+HEIGHT: Final = 480
+"""Panel pixels of the strip's height."""
+PHASES: Final = (0.25, 0.5, 0.75)
+"""Delays of the panel's planes after the camera's ticks, ticks."""
+TICKS: Final = (1, 2)
+_TURNS: Final = 5
+_SEED: Final = 1
+SYMBOLS = 40
+"""Symbols that the detectors decide in a call: those of a call of the receiver."""
 
 
 def code_rows(
@@ -70,13 +90,6 @@ def code_rows(
         TimingRow(name, what, bits / wall, "bit/s", bits / wall / aim, None, ratio),
         TimingRow(name, f"{what}, a core", bits / each, "bit/s", bits / each / aim, None, None),
     ]
-
-
-DATA_BITS: Final = 8448
-CODES: Final = {9216: 0.4000, 9600: 0.4687, 10368: 0.5539}
-"""Bits of a word as sent -> standard deviation of the noise on signs of +-1 in which the rate is
-.94 of the capacity."""
-LDPC_WORDS, PLAIN_WORDS, LDPC_TURNS = 512, 8, 3
 
 
 def _row(what: str, call: Callable[[], Any], plain: Callable[[], Any] | None) -> list[TimingRow]:
@@ -107,12 +120,6 @@ def ldpc_rows(device: Device | None) -> list[TimingRow]:
     return rows
 
 
-PARITY: Final = 32
-WRONG: Final = (0, 4, 16)
-"""Wrong bytes of a word."""
-RS_WORDS, RS_TURNS = 4096, 3
-
-
 def reed_solomon_rows() -> list[TimingRow]:
     """The rows `link.reed-solomon`: encoding, and decoding by the wrong bytes of a word."""
     code, random = ReedSolomon(PARITY), np.random.default_rng(1)
@@ -129,17 +136,6 @@ def reed_solomon_rows() -> list[TimingRow]:
         what = f"decode, {wrong} of {WORD_BYTES} bytes wrong"
         rows += code_rows(name, what, partial(code.decode, seen), bits, AIM, RS_TURNS)
     return rows
-
-
-DETECTORS: Final = ("joint", "packed")
-"""Names; the ratio of a row is over the first."""
-HEIGHT: Final = 480
-"""Panel pixels of the strip's height."""
-PHASES: Final = (0.25, 0.5, 0.75)
-"""Delays of the panel's planes after the camera's ticks, ticks."""
-TICKS: Final = (1, 2)
-_TURNS: Final = 5
-_SEED: Final = 1
 
 
 def time_rows(
@@ -179,10 +175,6 @@ def information_rows() -> list[TimingRow]:
                 tier = f"{name}, {ticks} ticks, phase {phase:g}"
                 rows.append(TimingRow("link.detector", tier, found.bits, "bit", None, None, None))
     return rows
-
-
-SYMBOLS = 40
-"""Symbols that the detectors decide in a call: those of a call of the receiver."""
 
 
 def link_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:

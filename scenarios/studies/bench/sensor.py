@@ -58,6 +58,11 @@ STILL = 0.95
 """Share of the rows of a scene that do not change."""
 UNLIT = 2.5e-6
 """Spikes a cycle from a dark current of 100 electrons a second."""
+Call = Callable[[Light, int, int], Any]
+"""Exposes the cycles from `start` to `start + cycles`; includes the transfer to the host."""
+LARGE: Final = ("growth", "view")
+"""Measurements that take minutes, much memory or gigabytes of disk, and are made on request
+alone."""
 
 
 def _ceiling(device: Device, n: int) -> float:
@@ -109,10 +114,6 @@ def _plain(n: int, *, noise: bool, ramp: bool) -> float:
                 np.add(add, slope, out=add)
 
     return n * PLAIN_CYCLES / least(call, 3)
-
-
-Call = Callable[[Light, int, int], Any]
-"""Exposes the cycles from `start` to `start + cycles`; includes the transfer to the host."""
 
 
 def _tiers(device: Device, noise: bool) -> dict[str, Call]:
@@ -265,9 +266,6 @@ PARTS = {
     "loop": loop_rows, "board": board_rows, "growth": growth_rows, "view": view_rows,
 }  # fmt: skip
 """The parts that have a benchmark."""
-LARGE: Final = ("growth", "view")
-"""Measurements that take minutes, much memory or gigabytes of disk, and are made on request
-alone."""
 
 
 def _need_gl() -> None:

@@ -48,6 +48,18 @@ SCENES = {
     "star": "a turning star in a still chart",
     "pan": "everything moves: a texture that pans",
 }
+_GRATINGS = ((1 / 31, 1 / 47), (1 / 17, -1 / 53), (1 / 71, 1 / 11))
+"""Frequencies of the gratings along rows and columns, cycles per pixel. All have a component along
+the motion, so that every pixel changes."""
+THRESHOLDS = (100.0, 1000.0, 30_000.0)
+KS = (1.0, 2.0, 3.0, 5.0)
+RUNGS = (1, 3, 5, 6, 7, 8)
+"""Numbers of layers of the layered code."""
+INSTANTS = (320, 1280, 2240)
+WINDOW = 41
+MEANS = (4.3, 20.3)
+"""Mean intervals of steady light, ticks; they are neither integers nor simple fractions."""
+STEADY_PIXELS, STEADY_CYCLES = 256, 131_072
 
 
 class Pan:
@@ -71,11 +83,6 @@ class Pan:
 
     def points(self) -> list[tuple[int, int, str]]:
         return [(0, 0, "a corner")]
-
-
-_GRATINGS = ((1 / 31, 1 / 47), (1 / 17, -1 / 53), (1 / 71, 1 / 11))
-"""Frequencies of the gratings along rows and columns, cycles per pixel. All have a component along
-the motion, so that every pixel changes."""
 
 
 def camera(threshold: float, shot: bool) -> CameraSetting:
@@ -111,17 +118,6 @@ def film(source: Source, setting: CameraSetting, device: Device | None) -> Vifor
 def truth(source: Source, cycle: int) -> Plane:
     """Reflectance in the middle of a cycle, (H, W)."""
     return source.truth(CLOCK.middle(cycle))
-
-
-THRESHOLDS = (100.0, 1000.0, 30_000.0)
-KS = (1.0, 2.0, 3.0, 5.0)
-RUNGS = (1, 3, 5, 6, 7, 8)
-"""Numbers of layers of the layered code."""
-INSTANTS = (320, 1280, 2240)
-WINDOW = 41
-MEANS = (4.3, 20.3)
-"""Mean intervals of steady light, ticks; they are neither integers nor simple fractions."""
-STEADY_PIXELS, STEADY_CYCLES = 256, 131_072
 
 
 @dataclass(frozen=True)

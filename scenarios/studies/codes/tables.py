@@ -8,6 +8,16 @@ from typing import Any
 
 from cosim.report.figures import subplots
 
+INK, LINE = "#1d2433", "#c8ccd4"
+FORMS = (
+    ("zstd 19, best order", "#8a94a6", lambda r: min(r["zstd"].values())),
+    ("every spike an event", "#d9a441", lambda r: r["events"]),
+    ("repeat + zstd", "#9db4d8", lambda r: r["repeat_zstd"]),
+    ("line + zstd", "#2f5fa8", lambda r: r["line_zstd"]),
+    ("statistical, k = 3", "#e8a07f", lambda r: r["statistical"]["k3"]),
+    ("statistical, k = 3, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
+)
+
 
 def light_name(row: dict[str, Any]) -> str:
     """Description of the light of a row."""
@@ -75,17 +85,6 @@ def markdown(document: dict[str, Any]) -> str:
             ),
         )
     )  # fmt: skip
-
-
-INK, LINE = "#1d2433", "#c8ccd4"
-FORMS = (
-    ("zstd 19, best order", "#8a94a6", lambda r: min(r["zstd"].values())),
-    ("every spike an event", "#d9a441", lambda r: r["events"]),
-    ("repeat + zstd", "#9db4d8", lambda r: r["repeat_zstd"]),
-    ("line + zstd", "#2f5fa8", lambda r: r["line_zstd"]),
-    ("statistical, k = 3", "#e8a07f", lambda r: r["statistical"]["k3"]),
-    ("statistical, k = 3, means of 8", "#d9480f", lambda r: r["statistical"]["k3r"]),
-)
 
 
 def draw(document: dict[str, Any], path: Path) -> None:

@@ -14,12 +14,21 @@ from scipy.fft import dctn
 from scipy.optimize import minimize_scalar
 
 Image = npt.NDArray[np.float64]
-
 FIGURES = (
     "dynamic_range", "dynamic_range_controls", "blur", "noise", "data_rate", "data_rate_pixel",
     "latency", "psnr", "psnr_smear_corrected", "skew", "exposure", "saturated", "off",
 )  # fmt: skip
 """Names of all figures of a row, in the order of the table."""
+EDGE: Final = 2.5631
+"""10 to 90 % width of an edge after a Gaussian blur, in standard deviations: 2 x 1.28155."""
+_WIDEST: Final = 40.0
+"""Upper end of the search for the standard deviation of the blur, pixels."""
+_LEAST: Final = 200
+"""Minimum number of pixels for a measurement of noise."""
+_GREY: Final = (0.3, 0.7)
+"""Range of reflectance that counts as mid-grey."""
+_LEVELS: Final = (*(10 ** (n / 8 - 2) for n in range(16)), 1.01)
+"""Limits of the levels of reflectance of a curve: eight a decade from 0.01 on."""
 
 
 @dataclass(frozen=True)
@@ -83,18 +92,6 @@ class Camera:
             "imager": self.name, "title": self.title, "setting": self.setting, **figures,
             "note": self.note,
         }  # fmt: skip
-
-
-EDGE: Final = 2.5631
-"""10 to 90 % width of an edge after a Gaussian blur, in standard deviations: 2 x 1.28155."""
-_WIDEST: Final = 40.0
-"""Upper end of the search for the standard deviation of the blur, pixels."""
-_LEAST: Final = 200
-"""Minimum number of pixels for a measurement of noise."""
-_GREY: Final = (0.3, 0.7)
-"""Range of reflectance that counts as mid-grey."""
-_LEVELS: Final = (*(10 ** (n / 8 - 2) for n in range(16)), 1.01)
-"""Limits of the levels of reflectance of a curve: eight a decade from 0.01 on."""
 
 
 def still_blur(image: Image, truth: Image) -> float | None:

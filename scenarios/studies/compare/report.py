@@ -31,6 +31,31 @@ _BEST: Final[tuple[tuple[str, str, bool, Callable[[float], str]], ...]] = (
      lambda v: amount(v, "dB")),
 )  # fmt: skip
 """Figure, what its best value is, whether that is the highest, and its text."""
+PICTURE: Final = "side-by-side.png"
+SNR: Final = "snr.png"
+HEADS: Final = {
+    "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
+    "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
+    "data_rate_pixel": "per pixel", "latency": "latency", "psnr": "PSNR",
+    "psnr_smear_corrected": "PSNR, smear corrected",
+    "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
+    "off": "offset from the instant",
+}  # fmt: skip
+_EXPLAINED: Final = (
+    "<p><b>Dynamic range</b>: light at saturation over the light whose signal equals the noise in "
+    "the dark, 20 lg; of one image at its setting, and over all settings of exposure, gain and "
+    "high voltage (for the spike camera: intervals up to the one that dark current fills). "
+    "<b>Edge</b>: 10 to 90 % width of an edge at the mean speed: 0.8 of its path during the span "
+    "of the scene whose mean fits the image best by least squares, with the instant of each row; "
+    "without motion, the width of the Gaussian blur of the true scene that fits the image best. "
+    "<b>Noise</b>: standard deviation between images where nothing moves, over the signal, at a "
+    "reflectance of 0.3 to 0.7. <b>Data rate</b>: output of the imager, for all its pixels. "
+    "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
+    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; for the EMCCD "
+    "also after the standard correction of frame-transfer smear: the contribution of every other "
+    "row of a column, its signal times row shift time over exposure, is subtracted. A dash: not "
+    "measurable in this scene.</p>"
+)
 
 
 def summary_of_comparison(
@@ -113,18 +138,6 @@ def _left_out(cameras: list[Camera]) -> str:
             "in this scene, or do not exist for the camera: a dash stands for each."
         )
     return text
-
-
-PICTURE: Final = "side-by-side.png"
-SNR: Final = "snr.png"
-HEADS: Final = {
-    "dynamic_range": "dynamic range, one image", "dynamic_range_controls": "with all controls",
-    "blur": "edge 10-90 %", "noise": "noise at mid-grey", "data_rate": "data rate",
-    "data_rate_pixel": "per pixel", "latency": "latency", "psnr": "PSNR",
-    "psnr_smear_corrected": "PSNR, smear corrected",
-    "skew": "first to last row", "exposure": "exposure", "saturated": "saturated",
-    "off": "offset from the instant",
-}  # fmt: skip
 
 
 def figure_text(name: str, figure: Figure) -> str:
@@ -227,20 +240,3 @@ def write_compare_report(
         "<h2>The spike camera's scenario</h2>"
         f"<pre>{html.escape(to_toml(comparison.spike))}</pre>",
     ]))  # fmt: skip
-
-
-_EXPLAINED: Final = (
-    "<p><b>Dynamic range</b>: light at saturation over the light whose signal equals the noise in "
-    "the dark, 20 lg; of one image at its setting, and over all settings of exposure, gain and "
-    "high voltage (for the spike camera: intervals up to the one that dark current fills). "
-    "<b>Edge</b>: 10 to 90 % width of an edge at the mean speed: 0.8 of its path during the span "
-    "of the scene whose mean fits the image best by least squares, with the instant of each row; "
-    "without motion, the width of the Gaussian blur of the true scene that fits the image best. "
-    "<b>Noise</b>: standard deviation between images where nothing moves, over the signal, at a "
-    "reflectance of 0.3 to 0.7. <b>Data rate</b>: output of the imager, for all its pixels. "
-    "<b>Latency</b>: from the middle of a pixel's exposure until the image has been read. "
-    "<b>PSNR</b>: of the estimate of reflectance against the scene at the instant; for the EMCCD "
-    "also after the standard correction of frame-transfer smear: the contribution of every other "
-    "row of a column, its signal times row shift time over exposure, is subtracted. A dash: not "
-    "measurable in this scene.</p>"
-)

@@ -16,6 +16,42 @@ from scenarios.studies.dataset.reading import SPLITS, SUMS
 
 _TRACKS: Final = 100
 """Numbers of tracks of a view; a scene has at most 64 objects."""
+_FILES: Final = (
+    ("`SPLIT/spike/NAME.dat`", "spikes, a bit a pixel and cycle, rows from the bottom up"),
+    ("`SPLIT/gt/NAME.png`", "true light in the middle of the recording, linear, white = 255"),
+    ("`SPLIT/truth/NAME/light-CYCLE.png`", "the same at the instants"),
+    ("`SPLIT/truth/NAME/flow-A-B.flo`", "optical flow from cycle A to B (Middlebury)"),
+    ("`SPLIT/truth/NAME/occlusion-A-B.png`", "0 seen at B, 128 at an edge, 255 covered or outside"),
+    ("`SPLIT/truth/NAME/mask-CYCLE.png`", "number of the object, 0 for the background"),
+    ("`SPLIT/truth/NAME/truth.npz`", "`light`, `cycle`, `time_ps`; `flow`, `occlusion`, `depth_m`, "
+     "`mask`, `boxes` (x, y, width, height)"),
+    ("`SPLIT/coco.json`", "boxes, masks, categories and tracks of the objects (COCO)"),
+    ("`items/NAME.json`", "settings, what was drawn, metrics, sums"),
+    ("`config.yaml`", "description for SpikeCV"),
+)  # fmt: skip
+_HOW: Final = """\
+Flow, occlusion, depth, masks and boxes
+exist for drawn objects; an item says `"truth": "dense"`. Instants are the middles of cycles.
+
+## Loading
+
+    import viform
+    items = viform.SpikeDataset(".", "{split}")          # numpy arrays
+    items = viform.torch_dataset(".", "{split}", cycles=64)  # tensors, for a DataLoader
+
+SpikeCV, with the absolute path of this folder:
+
+    parameters = data_parameter_dict("/PATH/{where}{split}/spike", "reconstruction")
+    spikes = SpikeStream(**parameters).get_spike_matrix()
+
+Spike-Zoo:
+
+    config = BaseDatasetConfig(
+        root_dir="/PATH/{where}", width={width}, height={height}, rate={rate:g}
+    )
+    data = BaseDataset(config)
+    data.build_source("{split}")
+"""
 
 
 def write_annotations(
@@ -143,41 +179,3 @@ Drawn, by a Latin hypercube (keys of `scene` for each scene, others for each ite
         text += f"\n## Left out\n\n{left}"
     with atomic_write(folder / "README.md") as part:
         part.write_text(text, encoding="utf-8")
-
-
-_FILES: Final = (
-    ("`SPLIT/spike/NAME.dat`", "spikes, a bit a pixel and cycle, rows from the bottom up"),
-    ("`SPLIT/gt/NAME.png`", "true light in the middle of the recording, linear, white = 255"),
-    ("`SPLIT/truth/NAME/light-CYCLE.png`", "the same at the instants"),
-    ("`SPLIT/truth/NAME/flow-A-B.flo`", "optical flow from cycle A to B (Middlebury)"),
-    ("`SPLIT/truth/NAME/occlusion-A-B.png`", "0 seen at B, 128 at an edge, 255 covered or outside"),
-    ("`SPLIT/truth/NAME/mask-CYCLE.png`", "number of the object, 0 for the background"),
-    ("`SPLIT/truth/NAME/truth.npz`", "`light`, `cycle`, `time_ps`; `flow`, `occlusion`, `depth_m`, "
-     "`mask`, `boxes` (x, y, width, height)"),
-    ("`SPLIT/coco.json`", "boxes, masks, categories and tracks of the objects (COCO)"),
-    ("`items/NAME.json`", "settings, what was drawn, metrics, sums"),
-    ("`config.yaml`", "description for SpikeCV"),
-)  # fmt: skip
-_HOW: Final = """\
-Flow, occlusion, depth, masks and boxes
-exist for drawn objects; an item says `"truth": "dense"`. Instants are the middles of cycles.
-
-## Loading
-
-    import viform
-    items = viform.SpikeDataset(".", "{split}")          # numpy arrays
-    items = viform.torch_dataset(".", "{split}", cycles=64)  # tensors, for a DataLoader
-
-SpikeCV, with the absolute path of this folder:
-
-    parameters = data_parameter_dict("/PATH/{where}{split}/spike", "reconstruction")
-    spikes = SpikeStream(**parameters).get_spike_matrix()
-
-Spike-Zoo:
-
-    config = BaseDatasetConfig(
-        root_dir="/PATH/{where}", width={width}, height={height}, rate={rate:g}
-    )
-    data = BaseDataset(config)
-    data.build_source("{split}")
-"""

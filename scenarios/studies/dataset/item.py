@@ -43,6 +43,10 @@ from scenarios.studies.batch.jobs import write_document
 from scenarios.studies.dataset.order import PARTS, Item, Places, digest_of
 
 MAGIC: Final = np.float32(202021.25)
+_IN_MEMORY: Final = 1 << 28
+"""Bytes of a stream up to which it is filmed in memory."""
+_TIMED: Final = frozenset({"camera", "full_physics"})
+"""Metrics that depend on the speed of the machine, which a document leaves out."""
 
 
 def write_flo(path: Path, flow: npt.NDArray[np.float32]) -> None:
@@ -150,12 +154,6 @@ def _dense(
         "occlusion": np.array([each for _, each in moved], np.uint8).reshape(-1, *shape),
     }
     return arrays, rows
-
-
-_IN_MEMORY: Final = 1 << 28
-"""Bytes of a stream up to which it is filmed in memory."""
-_TIMED: Final = frozenset({"camera", "full_physics"})
-"""Metrics that depend on the speed of the machine, which a document leaves out."""
 
 
 def make_item(

@@ -42,6 +42,11 @@ _SHARED: Final = ("duration", "image.at")
 """Keys that a view has in common for all cameras, besides those of [scene]."""
 _LAYOUT, _NOISE, _VIEWS, _ITEMS, _SPLIT = range(5)
 """Numbers of the streams of random numbers."""
+PARTS: Final = ".parts"
+"""Folder for items that are not finished."""
+_TIME: Final = 946_684_800
+"""Time of the first recording's file: the start of the year 2000, UTC. Each next is a second
+later."""
 
 
 @dataclass(frozen=True)
@@ -249,13 +254,6 @@ def _latched(scenario: Scenario, source: str) -> Scenario:
             f"{width} x {height}", "change sensor.width or sensor.height",
         )  # fmt: skip
     return scenario.model_copy(update={"display": None, "camera": None, "code": None})
-
-
-PARTS: Final = ".parts"
-"""Folder for items that are not finished."""
-_TIME: Final = 946_684_800
-"""Time of the first recording's file: the start of the year 2000, UTC. Each next is a second
-later."""
 
 
 class Places:

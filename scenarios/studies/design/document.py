@@ -39,9 +39,15 @@ from sensor.dynamic_range import (
 
 MOST_ROWS = 20_000
 """Maximum number of choices of a budget."""
-
-
 T = TypeVar("T")
+Part = TypeVar("Part", bound=SensorPart | ConverterPart)
+UNITS = {
+    "temperature": "degC", "clock": "Hz", "circuit_noise": "V", "analog_gain": "1",
+    "digital_gain": "1", "dr_db": "dB", "dr_over_noise_db": "dB", "dr_document_db": "dB",
+    "dr_output_db": "dB", "sensor_db": "dB", "saturation": "e", "least_signal": "e", "noise": "e",
+    "power": "W",
+}  # fmt: skip
+"""Units of the figures in a row."""
 
 
 def _several(value: object) -> object:
@@ -113,9 +119,6 @@ def load_budget(path: str | None, assignments: Sequence[str] = ()) -> BudgetFile
         raise first_fault(exc, BudgetFile, remedy) from None
 
 
-Part = TypeVar("Part", bound=SensorPart | ConverterPart)
-
-
 def _select(
     key: str, names: tuple[str, ...] | None, custom: list[Part], known: tuple[Part, ...]
 ) -> tuple[Part, ...]:
@@ -149,15 +152,6 @@ def to_budget(file: BudgetFile) -> Budget:
             "a budget", f"of at most {MOST_ROWS} choices", f"{budget.size}", "give shorter lists"
         )
     return budget
-
-
-UNITS = {
-    "temperature": "degC", "clock": "Hz", "circuit_noise": "V", "analog_gain": "1",
-    "digital_gain": "1", "dr_db": "dB", "dr_over_noise_db": "dB", "dr_document_db": "dB",
-    "dr_output_db": "dB", "sensor_db": "dB", "saturation": "e", "least_signal": "e", "noise": "e",
-    "power": "W",
-}  # fmt: skip
-"""Units of the figures in a row."""
 
 
 def _row(one: Judged, used: str) -> dict[str, Any]:

@@ -37,6 +37,8 @@ from sensor.latched.pixel.model import ExactModel
 SUN, AREA, EFFICIENCY, THRESHOLD = 1e5, 100.0, 0.7, 100
 SHORTEST = 1e-8
 DARK = 100.0
+WINDOWS = (1, 2, 5, 50, 200, 800)
+"""Windows of the six images in figure 3, cycles."""
 
 
 def principle_rows() -> list[PrintedRow]:
@@ -235,10 +237,6 @@ def _deviation(q: int, spikes: int) -> float:
     )
     widths = fired.exact[fired.instant > 100 * width * PS]
     return float(widths.std() / widths.mean())
-
-
-WINDOWS = (1, 2, 5, 50, 200, 800)
-"""Windows of the six images in figure 3, cycles."""
 
 
 def chip_rows() -> list[PrintedRow]:

@@ -18,6 +18,8 @@ from scenarios.scenes.moving import ExposedScene, ExposedSource
 from sensor import CHIPS, EFFECTS, CameraSetting, SpikeCamera
 
 CLOCK: Final = Clock(40_000)
+STEP = 64
+"""Cycles that are simulated at once."""
 
 
 @dataclass(frozen=True)
@@ -91,10 +93,6 @@ class Conditions:
     def illuminance(self, setting: CameraSetting) -> float:
         """Illuminance on the pixels of reflectance 1, lux."""
         return self.white / setting.rate(1.0)
-
-
-STEP = 64
-"""Cycles that are simulated at once."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,6 @@ from scenarios.scenes.moving import Spot, Texture
 from scenarios.studies.tracking.conditions import Conditions, Picture
 
 Plane = npt.NDArray[np.float32]
-
 SMOOTH: Final = 1.5
 """Standard deviation of the filter, pixels, near that of the object (a matched filter)."""
 THRESHOLD: Final = 6.0
@@ -38,6 +37,31 @@ LEAST: Final = 4
 """Fewest pixels of an object. A smooth peak of noise is smaller, an object of this study larger."""
 AROUND: Final = 5.0
 """Standard deviation of the surroundings of a pixel in which its variance is estimated, pixels."""
+RADIUS: Final = 10.0
+"""Radius of a turn, pixels. A smaller one responds sooner and follows the noise more."""
+NOISE: Final = 0.15
+"""Standard deviation of a detection, pixels: that of an object of this study in eight planes of
+spikes."""
+HIGHEST: Final = 2 + math.sqrt(2)
+"""Highest tracking index: that of beta = 1, where the velocity is that of the last two positions.
+Beyond it a wrong velocity overshoots, and keeps the index high."""
+GATE: Final = 6.0
+"""Farthest detection from the prediction that continues a track at rest, pixels."""
+TURN: Final = 1.5
+"""The gate grows by this share of the way between two pictures. A turn by 90 degrees needs 1.41."""
+MISSES: Final = 3
+"""Pictures without a detection within the gate after which a track ends."""
+RIGHT: Final = 4.0
+"""Largest distance of a right position from the true one, pixels: about the object's width at half
+height (4.7)."""
+WARM: Final = 0.1
+"""Time without the object in which the background is learned, s."""
+LONGEST: Final = 0.15
+"""Longest time of the object in the image, s."""
+LEGS: Final = (0.45, 0.4)
+"""Way before and after the turn, over the image's width and height."""
+INSTANTS: Final = 400
+"""Instants at which the track is compared with the truth."""
 
 
 @dataclass(frozen=True)
@@ -110,22 +134,6 @@ def detect(picture: Plane, background: Background) -> list[Detection]:
     large = np.bincount(label, minlength=count)[1:] >= LEAST
     found = zip((x / total)[large], (y / total)[large], total[large], strict=True)
     return sorted((Detection(*map(float, each)) for each in found), key=lambda d: -d.weight)
-
-
-RADIUS: Final = 10.0
-"""Radius of a turn, pixels. A smaller one responds sooner and follows the noise more."""
-NOISE: Final = 0.15
-"""Standard deviation of a detection, pixels: that of an object of this study in eight planes of
-spikes."""
-HIGHEST: Final = 2 + math.sqrt(2)
-"""Highest tracking index: that of beta = 1, where the velocity is that of the last two positions.
-Beyond it a wrong velocity overshoots, and keeps the index high."""
-GATE: Final = 6.0
-"""Farthest detection from the prediction that continues a track at rest, pixels."""
-TURN: Final = 1.5
-"""The gate grows by this share of the way between two pictures. A turn by 90 degrees needs 1.41."""
-MISSES: Final = 3
-"""Pictures without a detection within the gate after which a track ends."""
 
 
 def steady_gains(index: float) -> tuple[float, float]:
@@ -202,19 +210,6 @@ class Tracker:
             old.vy + beta * dy / ahead, old.hits + 1,
         )  # fmt: skip
         return self.track
-
-
-RIGHT: Final = 4.0
-"""Largest distance of a right position from the true one, pixels: about the object's width at half
-height (4.7)."""
-WARM: Final = 0.1
-"""Time without the object in which the background is learned, s."""
-LONGEST: Final = 0.15
-"""Longest time of the object in the image, s."""
-LEGS: Final = (0.45, 0.4)
-"""Way before and after the turn, over the image's width and height."""
-INSTANTS: Final = 400
-"""Instants at which the track is compared with the truth."""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,21 @@ MARGIN: Final = 16
 """Width of the border that is not compared, pixels: content enters and leaves there."""
 HEADING: Final = 30.0
 """Direction of the motion from the columns, degrees: along no axis of the grid."""
+SPIKES: Final = "spikes"
+"""Name of the spike camera in a row."""
+FLOW_BLOCK: Final = 4
+"""Cycles of the shortest window of the flow by spikes."""
+Film = Callable[[ExposedScene, int, bool], Iterator[Picture]]
+"""Map from a scene, a seed, and whether it is for the flow, to pictures."""
+PANELS: Final[tuple[tuple[str, bool, Callable[[TrackingRow], float | None]], ...]] = (
+    ("endpoint error of the flow over the speed", True, lambda row: row.flow_error),
+    ("share of time without a right position", False, lambda row: row.track_loss),
+    ("appearance until detection, ms", True, lambda row: row.entry_ms),
+    ("turn until the track has it, ms", True, lambda row: row.turn_ms),
+)
+"""Title, whether the axis is logarithmic, and value."""
+FRAMES: Final = ("#1d2433", "#3b6fb5", "#2f9e6e", "#8a5fb5", "#8c8c3c")
+"""Colours of cameras with frames."""
 
 
 @dataclass(frozen=True)
@@ -95,14 +110,6 @@ def measure_flow(texture: Texture, pictures: Iterator[Picture], warm: float) -> 
 def _mean(pictures: list[Picture]) -> npt.NDArray[np.uint8]:
     mean = np.mean([p.values for p in pictures], axis=0, dtype=np.float64)
     return flow_grey(np.asarray(mean, np.float32), 1.0, SMOOTH)
-
-
-SPIKES: Final = "spikes"
-"""Name of the spike camera in a row."""
-FLOW_BLOCK: Final = 4
-"""Cycles of the shortest window of the flow by spikes."""
-Film = Callable[[ExposedScene, int, bool], Iterator[Picture]]
-"""Map from a scene, a seed, and whether it is for the flow, to pictures."""
 
 
 @dataclass(frozen=True)
@@ -245,17 +252,6 @@ def tracking_document(conditions: Conditions, rows: Sequence[TrackingRow]) -> di
         "white_e_s": conditions.electrons, "height": conditions.shape[0],
         "width": conditions.shape[1], "rows": [asdict(row) for row in rows],
     }  # fmt: skip
-
-
-PANELS: Final[tuple[tuple[str, bool, Callable[[TrackingRow], float | None]], ...]] = (
-    ("endpoint error of the flow over the speed", True, lambda row: row.flow_error),
-    ("share of time without a right position", False, lambda row: row.track_loss),
-    ("appearance until detection, ms", True, lambda row: row.entry_ms),
-    ("turn until the track has it, ms", True, lambda row: row.turn_ms),
-)
-"""Title, whether the axis is logarithmic, and value."""
-FRAMES: Final = ("#1d2433", "#3b6fb5", "#2f9e6e", "#8a5fb5", "#8c8c3c")
-"""Colours of cameras with frames."""
 
 
 def tracking_figure(path: Path, rows: Sequence[TrackingRow]) -> None:

@@ -7,7 +7,7 @@ import pytest
 from cosim import InputError
 from rtl_model.gateware import TARGETS, design_for, target_named, write_folder
 from rtl_model.gateware import design as written
-from rtl_model.gateware.fitting import TOLERANCE, baud_error, block_rams, check_baud
+from rtl_model.gateware.targets import TOLERANCE, baud_error, block_rams, check_baud
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.synthesis import synthesise

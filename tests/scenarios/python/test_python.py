@@ -21,7 +21,7 @@ from cosim.files import Recorder, open_stream
 from cosim.run.progress import QuietProgress
 from cosim.run.shown import progress_in_python
 from scenarios.cli.entry import _main
-from scenarios.python.calls import python_words
+from scenarios.python.errors import python_words
 from scenarios.python.frames import write_frames
 from scenarios.scenes.clips.pictures import open_clip
 

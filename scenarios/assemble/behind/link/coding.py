@@ -23,6 +23,8 @@ from sensor.codec.packets.rate import RateControl
 from sensor.codec.packets.section import CodeSection
 
 Mask = npt.NDArray[np.bool_]
+SIDE: Final = 8
+"""Side of the tiles in which patches are coded, pixels: it divides that of every code."""
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,6 @@ class Decoder:
         last."""
         decoded = self._decoder.read(stop)
         return decoded.words, decoded.missing, decoded.held
-
-
-SIDE: Final = 8
-"""Side of the tiles in which patches are coded, pixels: it divides that of every code."""
 
 
 @dataclass(frozen=True, eq=False)

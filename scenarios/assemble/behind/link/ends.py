@@ -30,6 +30,8 @@ from link.setup.stream import StreamSetup
 from scenarios.assemble.behind.link.coding import Decoder, Sender
 from sensor.codec.packets.packet import LENGTH
 
+ReadBack = Callable[[int, int], Words]
+
 
 class NearEnd:
     """Coder, send buffer and the panel's frames: a stage after the camera, and the source of what
@@ -73,9 +75,6 @@ class NearEnd:
 
     def _parts(self) -> dict[str, Sender | StreamOutbox | Transmission]:
         return {"sender": self.sender, "outbox": self._outbox, "panel": self.sent}
-
-
-ReadBack = Callable[[int, int], Words]
 
 
 @dataclass(frozen=True)

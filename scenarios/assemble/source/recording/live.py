@@ -39,6 +39,12 @@ _LOOK_S: Final = 0.1
 """Time after which a waiting chain looks whether the user has asked to stop, s."""
 _PATIENCE: Final = 10
 """Looks after which the user is told that the first plane is waited for."""
+_NS: Final = 1000
+"""Picoseconds in a nanosecond."""
+_TOLD_S: Final = 0.5
+"""Least time between two texts of the progress, s."""
+_LEAST_S: Final = 1e-9
+"""Least time of a stage, s, by which speeds are divided."""
 
 
 class LivePlanes:
@@ -209,10 +215,6 @@ class LivePlanes:
         self._origin.close()
 
 
-_NS: Final = 1000
-"""Picoseconds in a nanosecond."""
-
-
 class Lateness:
     """Counts the late planes of a stream.
 
@@ -257,12 +259,6 @@ class Lateness:
     def restore(self, state: State) -> None:
         self.late = int(state["late"][0])
         self.worst = int(state["worst"][0]) if state["worst"].size else None
-
-
-_TOLD_S: Final = 0.5
-"""Least time between two texts of the progress, s."""
-_LEAST_S: Final = 1e-9
-"""Least time of a stage, s, by which speeds are divided."""
 
 
 class _Received:

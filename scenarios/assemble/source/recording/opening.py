@@ -40,6 +40,7 @@ _WHITES: Final = {
 """Metric with the spike rate of white, by the name of a stream in the folder of a run."""
 _CLOCKLESS: Final = (".dat", ".raw")
 """Formats that do not keep the clock."""
+_KEYS: Final = "sensor.width and sensor.height"
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,9 +208,6 @@ def known_white(path: Path) -> float | None:
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return float(value) if isinstance(value, int | float) and 0 < value <= 1 else None
-
-
-_KEYS: Final = "sensor.width and sensor.height"
 
 
 @dataclass(frozen=True, eq=False)
