@@ -142,11 +142,6 @@ class Bridge:
         while self._coming and self._coming[0] < clock:
             self.system.line.rx_bytes += self._coming.popleft() != self._cleared
 
-    def framing_error(self, clock: int) -> None:
-        """Counts and drops a byte whose stop bit was low."""
-        self.wait(clock)
-        self.system.line.framing_errors += 1
-
     def _abort(self, clock: int) -> None:
         """Ends the transaction at an edge by the watchdog. A byte at this edge is lost too."""
         self._got = bytearray()

@@ -1,4 +1,5 @@
-"""Generates the Verilog header of the register map, `verilog/viform_registers.vh`.
+"""The Verilog header of the register map, `verilog/viform_registers.vh`. After a change of the map,
+run `python -m rtl_model.registers.verilog > rtl_model/verilog/viform_registers.vh`.
 
 Registers form groups of 64 words. The upper 24 bits of a word address are the group, the lower 6
 bits the offset. The offsets of a group have no gaps, so an address is valid if its offset is less
@@ -52,6 +53,5 @@ def verilog_header() -> str:
     return "\n".join([*lines, "", "`endif", ""])
 
 
-def write_verilog_header(path: Path = HEADER) -> None:
-    """Writes the header to `path`."""
-    path.write_text(verilog_header(), encoding="utf-8")
+if __name__ == "__main__":
+    print(verilog_header(), end="")

@@ -17,7 +17,6 @@ from imagers.adaptive.device.decision import (
     Search,
     decide,
     highest,
-    lengthening,
 )
 from imagers.adaptive.device.registers import DEFAULT_LONGEST
 from imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS
@@ -55,31 +54,6 @@ def from_judged(search: Search, longest: int = DEFAULT_LONGEST) -> Rule:
         return decide(
             multiplier, saturated, largest, threshold=0, search=search, longest=longest
         ).multiplier
-
-    return rule
-
-
-def from_register(search: Search, longest: int = DEFAULT_LONGEST) -> Rule:
-    """A naive rule: the decision starts from the multiplier register. The register holds a decision
-    that no frame shows yet, so the loop follows every change of light twice."""
-
-    def rule(multiplier: int, register: int, saturated: int, largest: int | None) -> int:
-        return decide(
-            register, saturated, largest, threshold=0, search=search, longest=longest
-        ).multiplier
-
-    return rule
-
-
-def unlimited(search: Search) -> Rule:
-    """A naive rule: it shortens below T, to a multiplier of 0, from which no factor recovers."""
-
-    def rule(multiplier: int, register: int, saturated: int, largest: int | None) -> int:
-        if saturated:
-            if search is Search.ROOT:
-                return math.isqrt(multiplier) if multiplier > 1 else 0
-            return multiplier >> (8 if search is Search.PART else 1)
-        return multiplier * (1 if largest is None else lengthening(largest))
 
     return rule
 
@@ -215,11 +189,6 @@ def brightest_lux(setting: CmosSetting = _SETTING) -> float:
 def darkest_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
     """Illuminance of one DN at the longest exposure: 0.06 lx; the document states 1e-1 lx."""
     return setting.lsb / setting.volts(1.0, longest_exposure(exponent))
-
-
-def half_scale_lux(exponent: int = DEFAULT_LONGEST, setting: CmosSetting = _SETTING) -> float:
-    """Illuminance of half scale at the longest exposure; below it, values stay below half."""
-    return HALF_SCALE * darkest_lux(exponent, setting)
 
 
 def combined_response(

@@ -133,11 +133,6 @@ class Timing:
         """Clocks from one Vout to the next, for a next frame with this exposure, clocks."""
         return max(self.frame, -(-(exposure + self.turn) // self.cycle) * self.cycle)
 
-    @property
-    def longest_within(self) -> int:
-        """Longest exposure that does not lengthen a frame, clocks."""
-        return self.frame - self.turn
-
 
 class FrameTiming(NamedTuple):
     """The timing of one frame, in clocks.

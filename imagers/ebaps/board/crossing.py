@@ -232,8 +232,3 @@ def memory_load(
         beats, latency, write=False
     )
     return bursts * rate * clocks / hertz
-
-
-def frame_bytes_per_second(pixels: int = 1280 * 1024, rate: int = FRAME_RATE) -> int:
-    """Data rate of one stream of 16-bit frames, bytes/s: 78 643 200 at 30 frames/s."""
-    return 2 * pixels * rate

@@ -14,7 +14,7 @@ The mean of four dark frames is subtracted from the live frame, which suppresses
 (document 002, section 3.2). The mean is sum >> 2. The truncation lowers it by 3/8 DN on average, so
 the difference is too large by this amount (variance of the truncation: 5/64 DN^2 if the noise is a
 few DN). The difference is unsigned, as the 16 bits of the memory: negative values become zero,
-which raises a mean near zero (`clipped_mean`). `pedestal` can be added before to avoid this.
+which raises a mean near zero. `pedestal` can be added before to avoid this.
 
 Residual: with dark frames of the same exposure the dark fixed pattern is removed completely, and
 the noise of their mean remains as a fixed pattern of variance var_dark/4 + 5/64. With dark frames
@@ -23,7 +23,6 @@ of another exposure, the pattern of the dark current remains in proportion to th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -43,11 +42,8 @@ DEFAULT_EXPOSURE = 16_384_000
 """T_default, ns: document 002, section 3.1."""
 LATENCY = 2
 """Frames from the one that is measured to the first that its exposure can change."""
-ACCUMULATOR_BITS = (1280 * 1024 * 65_535).bit_length()
 DARKS = 4
 """Frames in the dark mean: document 002, section 3.2."""
-TRUNCATION = 3 / 8
-"""Mean of what >> 2 drops, DN: of 0, 1, 2, 3 quarters."""
 TRUNCATION_VARIANCE = 5 / 64
 """Variance of what >> 2 drops, DN^2."""
 Image = npt.NDArray[np.uint16]
@@ -154,22 +150,3 @@ def residual_variance(dark: float, live: float = 0.0, frames: int = 1) -> float:
     dark, live: temporal variance of a pixel in a dark frame and in a live one, DN^2.
     """
     return dark / DARKS + TRUNCATION_VARIANCE + live / frames
-
-
-def stale_variance(spread: float, live: float, dark: float) -> float:
-    """Additional residual variance with dark frames of another exposure, DN^2.
-
-    Args:
-        spread: standard deviation over pixels of the dark current, DN/s.
-        live, dark: exposures, s.
-    """
-    return (spread * (live - dark)) ** 2
-
-
-def clipped_mean(mean: float, deviation: float) -> float:
-    """Mean of a normal value with negative values set to 0: m Phi(m/s) + s phi(m/s)."""
-    if deviation <= 0:
-        return max(mean, 0.0)
-    z = mean / deviation
-    below = 0.5 * math.erfc(-z / math.sqrt(2))
-    return mean * below + deviation * math.exp(-z * z / 2) / math.sqrt(2 * math.pi)

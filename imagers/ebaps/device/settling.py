@@ -65,11 +65,6 @@ class Rest:
     steps: int
 
 
-def spans(rule: ExposureRule, light: Linear, steps: int = 1) -> bool:
-    """Whether the window is at least so many steps wide under this light."""
-    return light.slope * rule.step * steps <= rule.high - rule.low
-
-
 def settling_exposure(
     rule: ExposureRule, level: int | Fraction | None = None, steps: int = 1, zero: int = 0
 ) -> Fraction:
@@ -101,41 +96,6 @@ def settle(rule: ExposureRule, light: Linear, start: int = DEFAULT_EXPOSURE) -> 
     # One step back is the point before, or (from an end of the range) beyond it: on this side.
     back = rule.clip(reached + side * rule.step)
     return Rest("hunt", min(back, reached), max(back, reached), steps)
-
-
-def resting(
-    rule: ExposureRule, start: int = DEFAULT_EXPOSURE, zero: int = 0
-) -> list[tuple[Fraction, Fraction]]:
-    """Ideal exposures (middle of the window), ns, for which the loop settles inside the window:
-    closed intervals in order, adjacent ones joined."""
-    low, high = rule.low - zero, rule.high - zero
-    middle = Fraction(low + high, 2)
-    start = rule.clip(start)
-    points = {start, rule.shortest, rule.longest}
-    points |= set(range(start, rule.shortest - 1, -rule.step))
-    points |= set(range(start, rule.longest + 1, rule.step))
-    merged: list[tuple[Fraction, Fraction]] = []
-    for a, b in sorted((p * middle / high, p * middle / low) for p in points):
-        if merged and a <= merged[-1][1]:
-            merged[-1] = (merged[-1][0], max(b, merged[-1][1]))
-        else:
-            merged.append((a, b))
-    return merged
-
-
-def settling_share(
-    rule: ExposureRule, first: int, last: int, start: int = DEFAULT_EXPOSURE
-) -> Fraction:
-    """Share of the ideal exposures between `first` and `last`, ns, for which the loop settles."""
-    inside = Fraction(0)
-    for a, b in resting(rule, start):
-        inside += max(min(b, Fraction(last)) - max(a, Fraction(first)), Fraction(0))
-    return inside / (last - first)
-
-
-def last_hunting(rule: ExposureRule, start: int = DEFAULT_EXPOSURE) -> Fraction:
-    """Upper end, ns, of the last gap: for every longer ideal exposure the loop settles."""
-    return resting(rule, start)[-1][0]
 
 
 def shipped_loop(

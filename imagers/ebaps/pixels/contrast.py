@@ -1,5 +1,5 @@
 """Visibility of a chart, by the contrast-to-noise ratio of a bar against Rose's threshold, and
-brightness of an image.
+the exposure that an image needs.
 
 An ideal observer who knows a bar's place averages over it: its contrast to noise is
 
@@ -16,10 +16,6 @@ sigma is the noise of one corrected frame: temporal noise, the noise of the dark
     the bright and dark parts of upright bars share their rows. Electrons that land beside a bar
     reduce the contrast at its edges, the halo that of the whole bar. Clipping is left out, so the
     figure holds while the exposure loop keeps its target.
-
-Brightness is Y = k E (D/f)^2 T G (document 002, equation 1). The document calls k a constant. Here
-it is the product of the optics (rho T_l/4), the photocathode (electrons per lux second) and the
-analog chain (DN per electron).
 """
 
 from __future__ import annotations
@@ -116,28 +112,6 @@ def smallest_bar(pixels: EbapsPixels, chart: Chart, seconds: float, darks: int =
         else:
             low = middle
     return high
-
-
-def brightness(k: float, lux: float, aperture: float, seconds: float, gain: float) -> float:
-    """Equation 1.
-
-    Args:
-        lux: E, on the scene.
-        aperture: D/f.
-        gain: G, here the bombardment's.
-    """
-    return k * lux * aperture**2 * seconds * gain
-
-
-def brightness_constant(
-    pixels: EbapsPixels, reflectance: float = 0.5, transmission: float = 0.9
-) -> float:
-    """k, DN / (lx s), with which equation 1 gives the mean signal of photoelectrons above black
-    level and dark signal. A lens focused at infinity passes rho T_l / 4 (D/f)^2 of E."""
-    budget = pixels.budget(1.0, 0.0)
-    signal = float(budget.tube_mean(budget.light))
-    per_gain = signal / budget.gain if budget.gain > 0 else 0.0
-    return reflectance * transmission / 4 * per_gain * pixels.silicon.dn_per_electron
 
 
 def wanted_exposure(pixels: EbapsPixels, lux: float, target: float, zero: float = 0.0) -> float:

@@ -92,11 +92,6 @@ class Silicon:
         """Standard deviation of all offsets together, electrons."""
         return math.hypot(self.offset, self.column_offset, self.row_offset)
 
-    @property
-    def response_spread(self) -> float:
-        """Standard deviation of the response, relative."""
-        return math.hypot(self.prnu, self.stripes)
-
 
 class Pattern:
     """The fixed pattern of one device. shape: (H, W). seed: seed of the device."""

@@ -115,16 +115,6 @@ class Tube:
         each collected with probability eta_c."""
         return 1 - self.collection * (1 - FANO)
 
-    def excess_noise(self, volts: float, ions: bool = False) -> float:
-        """F^2 = n var/mean^2 of the electrons from n photoelectrons, Poisson noise included: 1/(1 -
-        eta_b), plus a small term from the variance of the gain. ions: whether ion bursts count."""
-        gain, q, b = self.gain(volts), self.ions if ions else 0.0, self.burst
-        if gain <= 0:
-            return math.inf
-        more = 1 + q * b
-        square = more**2 + q * b * (2 * b + 1) + more * self.gain_variance / gain
-        return square / (more**2 * (1 - self.loss))
-
     def landing_radius(self, volts: float) -> float:
         """r = 2 d sqrt(E_t/V), m: where an electron of the mean transverse energy lands."""
         return 2 * self.gap * math.sqrt(self.transverse / volts)

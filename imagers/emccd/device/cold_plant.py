@@ -131,15 +131,6 @@ class Plant:
             raise ValueError(f"ambient must let {kelvin:g} K be reached, not {ambient:g} K")
         return float(brentq(lambda amps: self.steady(amps, ambient).chip - kelvin, 0.0, top))
 
-    def hottest_air(self, kelvin: float, most: float) -> float:
-        """Highest ambient temperature, K, at which the chip can be held at `kelvin`."""
-        from scipy.optimize import brentq
-
-        def over(ambient: float) -> float:
-            return self.steady(self.strongest(ambient, most), ambient).chip - kelvin
-
-        return float(brentq(over, kelvin, kelvin + 150.0))
-
 
 @dataclass(frozen=True)
 class Thermistor:

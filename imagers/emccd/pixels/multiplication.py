@@ -20,7 +20,7 @@ of the circuit; `SUMMARY_PEAK` is the other. The gain is 1 to 1000 at the ends.
 
 Impact ionisation: p = p_top exp((V - V_top)/v_s) a stage, and g = (1 + p)^S. g is never exactly 1
 in this law, so v_s is chosen to give 1 within 1 % at the lower end (assumed). The document says
-only that the gain is exponential in the peak voltage (`document_gain`).
+only that the gain is exponential in the peak voltage.
 """
 
 from __future__ import annotations
@@ -167,12 +167,6 @@ def multiply(
     k = fast_shape(gain, stages)
     made = negative_binomial(k * held, (gain - 1.0) / k, numbers, frame, seed, stream)
     return held + made
-
-
-def document_gain(volts: float, peak: tuple[float, float] = TEXT_PEAK) -> float:
-    """Gain at a peak voltage if it were purely exponential, 1 to 1000 over `peak`."""
-    share = (volts - peak[0]) / (peak[1] - peak[0])
-    return GAIN_RANGE[0] * (GAIN_RANGE[1] / GAIN_RANGE[0]) ** share
 
 
 @dataclass(frozen=True)

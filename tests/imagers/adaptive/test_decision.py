@@ -24,18 +24,16 @@ from imagers.adaptive.device.loop import (
     exponential_deviation,
     follow,
     from_judged,
-    from_register,
-    half_scale_lux,
     light_for,
     longest_exposure,
     recovery,
     search_path,
     settled,
     shortest_exposure,
-    unlimited,
     worst_search,
 )
 from imagers.adaptive.pixels import CmosSetting
+from tests.imagers.adaptive.naive_rules import from_register, unlimited
 
 
 def test_the_table_is_the_highest_set_bit() -> None:
@@ -131,7 +129,8 @@ def test_statistics_are_those_of_a_loop_over_pixels() -> None:
 def test_light_from_a_tenth_to_a_million_lux_rests_unsaturated() -> None:
     assert longest_exposure() == pytest.approx(65.536e-3) and shortest_exposure() == 1e-6
     assert brightest_lux() == pytest.approx(1e6) and darkest_lux() < 0.1
-    assert half_scale_lux() == pytest.approx(128 / 256 / 65.536e-3)
+    half = 128 * darkest_lux()  # below it, values stay below half scale at the longest exposure
+    assert half == pytest.approx(128 / 256 / 65.536e-3)
     for search in Search:
         rule = from_judged(search)
         for lux in np.geomspace(0.1, 1e6, 71):
@@ -139,7 +138,7 @@ def test_light_from_a_tenth_to_a_million_lux_rests_unsaturated() -> None:
                 rest = settled(float(lux), rule, start=start)
                 assert not rest.saturated and 1 <= rest.multiplier <= 1 << 16
                 assert rest.value >= 128 or (rest.multiplier == 1 << 16 and rest.value >= 1)
-                assert (rest.value >= 128) == (lux >= half_scale_lux())
+                assert (rest.value >= 128) == (lux >= half)
 
 
 def test_the_combined_response_is_close_to_an_exponential() -> None:

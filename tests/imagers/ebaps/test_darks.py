@@ -11,12 +11,9 @@ import pytest
 from scipy import stats
 
 from imagers.ebaps.device.exposure import (
-    TRUNCATION,
     TRUNCATION_VARIANCE,
-    clipped_mean,
     mean_of_four,
     residual_variance,
-    stale_variance,
     subtract,
 )
 from imagers.ebaps.pixels import EbapsPixels
@@ -61,7 +58,7 @@ def test_the_mean_of_four_is_a_sum_shifted() -> None:
 def test_what_the_shift_drops() -> None:
     frames = np.random.default_rng(2).integers(900, 1100, (4, 300, 300), dtype=np.uint16)
     dropped = frames.mean(axis=0) - mean_of_four(list(frames))
-    assert dropped.mean() == pytest.approx(TRUNCATION, abs=5 * math.sqrt(5 / 64) / 300)
+    assert dropped.mean() == pytest.approx(3 / 8, abs=5 * math.sqrt(5 / 64) / 300)
     assert dropped.var() == pytest.approx(TRUNCATION_VARIANCE, rel=0.02)
 
 
@@ -73,10 +70,13 @@ def test_nothing_goes_below_zero_or_above_full_scale() -> None:
 
 @pytest.mark.parametrize("mean", [-2000.0, 0.0, 300.0, 5000.0])
 def test_clipping_lifts_the_mean(mean: float) -> None:
+    """To that of a normal value with its negative values set to 0: m Phi(m/s) + s phi(m/s)."""
     values = np.random.default_rng(3).normal(mean, 600, 200_000)
-    error = 5 * 600 / math.sqrt(values.size)
-    assert np.maximum(values, 0).mean() == pytest.approx(clipped_mean(mean, 600), abs=error)
-    assert clipped_mean(-3.0, 0.0) == 0.0 and clipped_mean(3.0, 0.0) == 3.0
+    live = np.full(values.shape, 30_000, np.uint16)
+    left = subtract(live, (30_000 - values).astype(np.uint16))
+    clipped = mean * stats.norm.cdf(mean / 600) + 600 * stats.norm.pdf(mean / 600)
+    # Converted values are whole numbers, rounded down.
+    assert left.mean() == pytest.approx(clipped, abs=5 * 600 / math.sqrt(values.size) + 1)
 
 
 class TestTheory:
@@ -97,7 +97,7 @@ class TestTheory:
         left = np.mean([subtract(dark(4 + n), mean, 20_000) for n in range(lives)], axis=0)
         within_chi_square(left, residual_variance(self.variance, self.variance, lives))
         spread = math.sqrt(residual_variance(self.variance, self.variance, lives) / N)
-        assert abs(left.mean() - 20_000 - TRUNCATION) < 4.9 * spread
+        assert abs(left.mean() - 20_000 - 3 / 8) < 4.9 * spread
 
     def test_the_dark_mean_keeps_its_own_noise(self) -> None:
         """Against the true pattern (a frame without temporal noise): var/4 exactly."""
@@ -117,7 +117,7 @@ class TestTheory:
         left = subtract(dark(4), mean, 20_000).astype(float)
         half = PIXELS.mean_variance(0.0, SECONDS / 2)[1]
         temporal = residual_variance(half, self.variance)
-        pattern = stale_variance(WARM.dsnu * WARM.dark * K, SECONDS, SECONDS / 2)
+        pattern = (WARM.dsnu * WARM.dark * K * (SECONDS - SECONDS / 2)) ** 2
         assert pattern > 5 * temporal
         # The pattern is gamma distributed of shape 1/dsnu^2: its excess kurtosis 6 dsnu^2 widens
         # the interval.

@@ -18,7 +18,7 @@ from imagers.ebaps.pixels import (
     smallest_bar,
     wanted_exposure,
 )
-from imagers.ebaps.pixels.contrast import ROSE, brightness, brightness_constant
+from imagers.ebaps.pixels.contrast import ROSE
 from imagers.ebaps.pixels.silicon import Silicon
 from imagers.ebaps.pixels.tube import PAIR_ENERGY, Tube
 from sensor.frame_pixels import Exposed
@@ -83,15 +83,21 @@ class TestTube:
         assert tube.gain(tube.threshold) == pytest.approx(half, rel=2e-3)
 
     def test_excess_noise(self) -> None:
+        """F^2 = n var/mean^2 of the electrons from n photoelectrons: 1/(1 - eta_b), plus a small
+        term from the variance of the gain; and more from bursts of ions."""
+
+        def excess(tube: Tube) -> float:
+            budget = EbapsPixels(volts=1500, tube=tube).budget(1.0, 0.0)
+            relative = float(budget.tube_variance) / float(budget.tube_mean(budget.light)) ** 2
+            return budget.light * relative
+
         tube = Tube()
-        assert tube.excess_noise(1500) == pytest.approx(1 / (1 - tube.loss), rel=2e-3)
-        assert tube.excess_noise(1500) > 1.25
-        assert tube.excess_noise(0) == math.inf
-        # Of the pixels' own closed form, with neither silicon nor read noise.
-        budget = EbapsPixels().budget(1.0, 0.0)
-        relative = float(budget.tube_variance) / float(budget.tube_mean(budget.light)) ** 2
-        assert tube.excess_noise(1500, ions=True) == pytest.approx(budget.light * relative)
-        assert tube.excess_noise(1500, ions=True) > 1.3 * tube.excess_noise(1500)
+        assert excess(replace(tube, ions=0.0)) == pytest.approx(1 / (1 - tube.loss), rel=2e-3)
+        q, b = tube.ions, tube.burst
+        more = 1 + q * b
+        square = more**2 + q * b * (2 * b + 1) + more * tube.gain_variance / tube.gain(1500)
+        assert excess(tube) == pytest.approx(square / (more**2 * (1 - tube.loss)))
+        assert excess(tube) > 1.3 * excess(replace(tube, ions=0.0))
 
     def test_landing_radius(self) -> None:
         assert Tube().landing_radius(1500) == pytest.approx(2.4e-6, rel=0.03)
@@ -254,16 +260,21 @@ class TestPixels:
 
 class TestBrightness:
     def test_equation_1_gives_the_mean_signal(self) -> None:
-        """Y = k E (D/f)^2 T G against the pixels' closed form."""
+        """Y = k E (D/f)^2 T G of document 002, equation 1, against the pixels' closed form. k is
+        the product of the optics (rho T_l/4), the photocathode (electrons per lux second) and the
+        analog chain (DN per electron)."""
+        lux, seconds = 3e-3, 0.02
         for volts in (800.0, 1500.0):
             pixels = EbapsPixels(volts=volts, silicon=replace(Silicon(), leakage=0.0))
             tube = replace(pixels.tube, emission_lux=0.0)
             pixels = replace(pixels, tube=tube)
-            k = brightness_constant(pixels)
-            plane = 3e-3 * 0.5 * 0.9 / (4 * 1.4**2)
-            said = brightness(k, 3e-3, 1 / 1.4, 0.02, tube.gain(volts))
-            mean = pixels.mean_variance(plane * 0.02, 0.02)[0]
-            none = pixels.mean_variance(0.0, 0.02)[0]
+            absorbed = pixels.budget(1.0, 0.0).light * (1 - tube.loss)  # electrons / (lx s)
+            multiplied = absorbed * (1 + tube.ions * tube.burst)
+            k = 0.5 * 0.9 / 4 * multiplied * pixels.silicon.dn_per_electron
+            said = k * lux * (1 / 1.4) ** 2 * seconds * tube.gain(volts)
+            plane = lux * 0.5 * 0.9 / (4 * 1.4**2)
+            mean = pixels.mean_variance(plane * seconds, seconds)[0]
+            none = pixels.mean_variance(0.0, seconds)[0]
             assert said == pytest.approx(mean - none, rel=1e-9)
 
     def test_the_target_is_reached_where_the_document_shows_an_image(self) -> None:

@@ -141,7 +141,8 @@ def test_other_airs(celsius: float) -> None:
 def test_too_hot_saturates_and_comes_back_without_windup() -> None:
     """Air of 70 degC for half an hour: the drive stands at its top; back at 25 degC the chip is at
     -10 degC again in the time that heat needs. Without anti-windup it ends far too cold."""
-    assert Plant().hottest_air(TARGET, 1.6) < ZERO + 70
+    with pytest.raises(ValueError, match="ambient must let"):
+        Plant().holding(TARGET, ZERO + 70, 1.6)
 
     def day(s: float) -> float:
         return ZERO + (70 if 600 <= s < 2400 else 25)

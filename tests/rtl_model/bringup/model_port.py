@@ -68,7 +68,8 @@ class ModelPort:
         for byte, whole in self.to_board(data):
             self._clock += round(_BITS * self.geometry.clock_hz / self.baud)
             if not whole:
-                self.bridge.framing_error(self._clock)
+                self.bridge.wait(self._clock)
+                self.bridge.system.line.framing_errors += 1
                 continue
             reply = self.bridge.feed(bytes([byte]), self._clock)
             self.answer(reply.data, reply.clocks)

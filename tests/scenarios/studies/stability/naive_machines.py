@@ -16,9 +16,9 @@ from scipy.stats import binom
 from display.render import golden
 from display.render.golden import GoldenRenderer
 from imagers.adaptive.device.decision import Search
-from imagers.adaptive.device.loop import from_register, unlimited
 from imagers.emccd.device.cooling import Cooler
 from link.line_codes import CATALOGUE, encode_line
+from tests.imagers.adaptive.naive_rules import from_register, unlimited
 
 
 class Float32Sums(GoldenRenderer):
