@@ -1,5 +1,6 @@
 """The adaptive-exposure sensor with the settings of a scenario, and the judge of its exposure
-selection.
+selection; its row in `viform compare`, where it chooses its exposure itself, and its part in
+`viform laboratory`.
 
 The selection depends on the number of saturated pixels and on the largest value below saturation.
 The shift that the omitted effects may cause in any pixel is estimated on a strip around the largest
@@ -24,10 +25,13 @@ from cosim.run.result import Latency, Metric
 from imagers.adaptive.coupling import coupled_metrics
 from imagers.adaptive.device.decision import Search, decide, gather, lengthening
 from imagers.adaptive.device.imager import AdaptiveExposure
+from imagers.adaptive.device.loop import longest_exposure, shortest_exposure
+from imagers.adaptive.device.registers import DEFAULT_LONGEST
 from imagers.adaptive.device.signals import Coupling
 from imagers.adaptive.device.timing import MINIMUM_CLOCKS, Sequencer, Timing
+from imagers.adaptive.kind import AdaptiveSection
 from imagers.adaptive.pixels import AdaptivePixels, CmosSetting
-from imagers.adaptive.section import AdaptiveSection
+from imagers.common.kind import Comparison, Setting
 from imagers.common.model import (
     ExposureRange,
     FrameFigures,
@@ -40,6 +44,8 @@ from imagers.common.model import (
 from imagers.common.scenery import Still
 from imagers.run.check import STRIP, cut_rows
 from sensor.frame_pixels import Exposed, PixelModel
+from sensor.laboratory.bench import Bench
+from sensor.laboratory.cameras import Camera
 
 _FULL = 256
 """Full scale of 8 bits before the converter, DN."""
@@ -52,74 +58,6 @@ HALF: Final = 128
 SEARCHES: Final = {"256th": Search.PART, "root": Search.ROOT, "half": Search.HALF}
 MARGIN: Final = 2.0
 """Factor by which noise may move a foreseen exposure, up or down: one power of two."""
-
-
-class AdaptiveJudge(JudgeBase):
-    """See `Judge`. Exposures are multiples of the shortest one."""
-
-    def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        return self._imager.controller.judged.user is None
-
-    def chosen(self, frame: Frame) -> int:
-        return int(frame.state["next_multiplier"])
-
-    def exposure(self, frame: Frame) -> float:
-        return frame.state["multiplier"]
-
-    def in_full(self, rows: Exposed, pixels: Any) -> int:
-        judged = self._imager.controller.judged
-        values, over = pixels.digitise(rows, self._seed, self._full)
-        counting = judged.counting
-        statistics = gather(values, over, counting.window, whole_scan=counting.whole_scan)
-        return int(judged.chosen(statistics))
-
-    def _reach(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> float:
-        """Largest shift of a pixel by the omitted effects, DN."""
-        values = frame.values
-        brightest = int(np.argmax(np.where(values < _FULL - 1, values, 0).max(axis=1)))
-        first = min(max(brightest - STRIP // 2, 0), max(values.shape[0] - STRIP, 0))
-        at = slice(first, min(first + STRIP, values.shape[0]))
-        full = pixels.convert(cut_rows(rows, at), self._seed, self._full)
-        step = full.astype(np.float64) - values[at]
-        far = abs(float(step.mean())) + deviations(values.size) * float(step.std())
-        return _TRUNCATION + max(float(np.abs(step).max()), far)
-
-    def _surely_full(self, rows: Exposed, pixels: Any, reach: float) -> npt.NDArray[np.bool_]:
-        """(H, W) whether a pixel exceeds full scale for every likely noise and fixed pattern."""
-        s = pixels.setting
-        seconds = float(rows.seconds[0])
-        dark, noise = pixels.mean_variance(0.0, seconds)
-        unit, more = pixels.mean_variance(1.0, seconds)
-        level = dark + (unit - dark) * rows.lux_seconds
-        variance = noise + (more - noise) * rows.lux_seconds
-        variance = variance + (s.prnu * level) ** 2 + (s.column * _FULL) ** 2
-        far = level - deviations(level.size) * np.sqrt(variance)
-        return np.asarray(far > _FULL + reach)
-
-    def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        window, threshold, whole = self._imager.controller.judged.counting
-        inside = (slice(window.top, window.bottom + 1), slice(window.left, window.right + 1))
-        reach = self._reach(rows, pixels, frame)
-        top = _FULL - 1 - reach
-        surely = self._surely_full(rows, pixels, reach)
-        least = int(surely[inside].sum())
-        most = int((frame.values[inside] >= top).sum())
-        if least > threshold:
-            return False  # shortened with or without the omitted effects
-        if most > threshold:
-            return True
-        where = (slice(None), slice(None)) if whole else inside
-        values, largest = frame.values[where], frame.state["largest"]
-        below = values[values < top]
-        if largest >= _FULL or not below.size:
-            return True
-        # A pixel near full scale may be saturated or not. So the largest value is that pixel's, or
-        # the largest one below it.
-        low = float(below.max() if largest >= top else largest) - reach
-        marginal = bool(((values >= top) & ~surely[where]).any())
-        high = _FULL - 1.0 if marginal else min(float(largest) + reach, _FULL - 1.0)
-        ends = (int(max(np.floor(low), 0)), int(np.ceil(high)))
-        return lengthening(ends[0]) != lengthening(ends[1])
 
 
 @dataclass(frozen=True)
@@ -271,6 +209,74 @@ class AdaptiveModel(ImagerModel):
         return AdaptiveJudge(imager, full, kept, seed)
 
 
+class AdaptiveJudge(JudgeBase):
+    """See `Judge`. Exposures are multiples of the shortest one."""
+
+    def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        return self._imager.controller.judged.user is None
+
+    def chosen(self, frame: Frame) -> int:
+        return int(frame.state["next_multiplier"])
+
+    def exposure(self, frame: Frame) -> float:
+        return frame.state["multiplier"]
+
+    def in_full(self, rows: Exposed, pixels: Any) -> int:
+        judged = self._imager.controller.judged
+        values, over = pixels.digitise(rows, self._seed, self._full)
+        counting = judged.counting
+        statistics = gather(values, over, counting.window, whole_scan=counting.whole_scan)
+        return int(judged.chosen(statistics))
+
+    def _reach(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> float:
+        """Largest shift of a pixel by the omitted effects, DN."""
+        values = frame.values
+        brightest = int(np.argmax(np.where(values < _FULL - 1, values, 0).max(axis=1)))
+        first = min(max(brightest - STRIP // 2, 0), max(values.shape[0] - STRIP, 0))
+        at = slice(first, min(first + STRIP, values.shape[0]))
+        full = pixels.convert(cut_rows(rows, at), self._seed, self._full)
+        step = full.astype(np.float64) - values[at]
+        far = abs(float(step.mean())) + deviations(values.size) * float(step.std())
+        return _TRUNCATION + max(float(np.abs(step).max()), far)
+
+    def _surely_full(self, rows: Exposed, pixels: Any, reach: float) -> npt.NDArray[np.bool_]:
+        """(H, W) whether a pixel exceeds full scale for every likely noise and fixed pattern."""
+        s = pixels.setting
+        seconds = float(rows.seconds[0])
+        dark, noise = pixels.mean_variance(0.0, seconds)
+        unit, more = pixels.mean_variance(1.0, seconds)
+        level = dark + (unit - dark) * rows.lux_seconds
+        variance = noise + (more - noise) * rows.lux_seconds
+        variance = variance + (s.prnu * level) ** 2 + (s.column * _FULL) ** 2
+        far = level - deviations(level.size) * np.sqrt(variance)
+        return np.asarray(far > _FULL + reach)
+
+    def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        window, threshold, whole = self._imager.controller.judged.counting
+        inside = (slice(window.top, window.bottom + 1), slice(window.left, window.right + 1))
+        reach = self._reach(rows, pixels, frame)
+        top = _FULL - 1 - reach
+        surely = self._surely_full(rows, pixels, reach)
+        least = int(surely[inside].sum())
+        most = int((frame.values[inside] >= top).sum())
+        if least > threshold:
+            return False  # shortened with or without the omitted effects
+        if most > threshold:
+            return True
+        where = (slice(None), slice(None)) if whole else inside
+        values, largest = frame.values[where], frame.state["largest"]
+        below = values[values < top]
+        if largest >= _FULL or not below.size:
+            return True
+        # A pixel near full scale may be saturated or not. So the largest value is that pixel's, or
+        # the largest one below it.
+        low = float(below.max() if largest >= top else largest) - reach
+        marginal = bool(((values >= top) & ~surely[where]).any())
+        high = _FULL - 1.0 if marginal else min(float(largest) + reach, _FULL - 1.0)
+        ends = (int(max(np.floor(low), 0)), int(np.ceil(high)))
+        return lengthening(ends[0]) != lengthening(ends[1])
+
+
 def _brightest(view: View, begin: int, end: int) -> float:
     """Exposure of the brightest pixel from `begin` to `end` (ps), lx s."""
     if isinstance(view.scenery, Still):
@@ -323,3 +329,29 @@ def changes(frames: Sequence[FrameFigures], view: View) -> list[Change]:
             later = settled.number - inside[0].number
             responses.append(Change(ps, before, after, later, settled.ready - ps))
     return responses
+
+
+class AdaptiveComparison(Comparison):
+    """See `Comparison`."""
+
+    title = "adaptive-exposure CMOS"
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        return (
+            Setting(pixels, shortest_exposure()),
+            Setting(pixels, longest_exposure(DEFAULT_LONGEST)),
+        )
+
+    def setting(self, section: AdaptiveSection, pixels: Any) -> str:
+        return "chosen by itself"
+
+
+def _bench(seed: int) -> Bench:
+    return Bench(
+        AdaptivePixels((32, 96)), 1e-10, 0.01, (0.01, 2, 4), rows=32, frames=6, stack=32,
+        seed=seed, bias=None,
+    )  # fmt: skip
+
+
+MEASURED: Final = Camera("adaptive-exposure", "adaptive-exposure CMOS imager", _bench)
+"""Its part in `viform laboratory`."""

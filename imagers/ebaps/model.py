@@ -1,5 +1,6 @@
 """The EBAPS board of a scenario: construction, range of its settings in a run, metrics, and the
-judge of its exposure loop.
+judge of its exposure loop; its row in `viform compare`, where its high voltage is set for the
+light, and its part in `viform laboratory`.
 
 The loop decides by the mean of a frame. The effects that are left out are assumed to change it by
 the mean difference of a strip plus the 99.9 % uncertainty of that mean, subtracted dark frames
@@ -9,8 +10,8 @@ included.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from cosim.frames import Frame
 from cosim.light.charts import ASPECT, bar_width, regions
 from cosim.plan.error import deviations
 from cosim.run.result import Latency, Metric
+from imagers.common.kind import Comparison, Setting
 from imagers.common.model import (
     ExposureRange,
     FrameFigures,
@@ -36,75 +38,36 @@ from imagers.ebaps.board_report import board_latency, board_metrics
 from imagers.ebaps.device.clocked_board import Board
 from imagers.ebaps.device.exposure import (
     DARKS,
+    WINDOW,
     ExposureRule,
+    Linear,
     mean_of_four,
     residual_variance,
     subtract,
 )
 from imagers.ebaps.device.imager import Ebaps
-from imagers.ebaps.pixels import PHOTOCATHODES, EbapsPixels, Tube, spectral_ratios
-from imagers.ebaps.section import EbapsSection
+from imagers.ebaps.device.settling import settle
+from imagers.ebaps.kind import EbapsSection
+from imagers.ebaps.pixels import (
+    COLUMNS,
+    PHOTOCATHODES,
+    ROWS,
+    EbapsPixels,
+    Tube,
+    spectral_ratios,
+    wanted_exposure,
+)
 from imagers.run.check import cut_rows, strips
 from sensor.frame_pixels import Exposed, PixelModel
+from sensor.laboratory.bench import Bench
+from sensor.laboratory.cameras import Camera
 
 Values = npt.NDArray[np.float64]
 KELVIN = 273.15
-
-
-class EbapsJudge(JudgeBase):
-    """See `Judge`. Exposures are in ns."""
-
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        self._darks: list[tuple[Exposed, PixelModel]] = []
-        self._made: dict[tuple[int, int, frozenset[str]], npt.NDArray[np.uint16]] = {}
-
-    def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        if frame.state["key"]:
-            self._darks = [*self._darks, (rows, pixels)][-4:]
-            self._made.clear()
-            return False
-        judged = self._imager.sequencer.judged
-        return bool(judged is not None and judged.acts)
-
-    def chosen(self, frame: Frame) -> int:
-        return int(frame.state["next_exposure_ns"])
-
-    def exposure(self, frame: Frame) -> float:
-        return frame.state["exposure_ns"]
-
-    def _shown(self, rows: Exposed, pixels: PixelModel, at: slice, kept: frozenset[str]) -> Values:
-        """The values of these rows of which the loop takes the mean."""
-        live = pixels.convert(cut_rows(rows, at), self._seed, kept)
-        sequencer = self._imager.sequencer
-        if sequencer.judged.raw or not sequencer.subtracts():
-            return live.astype(np.float64)
-        key = (at.start, at.stop, kept)
-        if key not in self._made:
-            self._made[key] = mean_of_four([
-                model.convert(cut_rows(dark, at), self._seed, kept) for dark, model in self._darks
-            ])  # fmt: skip
-        return subtract(live, self._made[key], sequencer.pedestal()).astype(np.float64)
-
-    def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
-        judged = self._imager.sequencer.judged
-        mean = frame.state["raw_mean" if judged.raw else "mean"]
-        reach = 0.0
-        for at in strips(rows):
-            full, planned = (self._shown(rows, pixels, at, k) for k in (self._full, self._kept))
-            step = full - planned
-            doubt = deviations(1) * float(step.std()) / np.sqrt(step.size)
-            reach = max(reach, abs(float(step.mean())) + doubt)
-        count = frame.values.size
-        ends = (mean + side * reach for side in (-1, 1))
-        low, high = (judged.chosen(round(end * count), count) for end in ends)
-        return bool(low != high)
-
-    def in_full(self, rows: Exposed, pixels: PixelModel) -> int:
-        whole = slice(0, rows.lux_seconds.shape[0])
-        shown = self._shown(rows, pixels, whole, self._full)
-        judged = self._imager.sequencer.judged
-        return int(judged.chosen(int(shown.sum()), shown.size))
+VOLTS: Final = (1500.0, 1000.0, 500.0, 0.0)
+"""Voltages of the document's figure 11, V below ground."""
+_SHAPE: Final = (32, 32)
+"""Pixels for which closed forms are evaluated."""
 
 
 @dataclass(frozen=True)
@@ -244,6 +207,62 @@ class EbapsModel(ImagerModel):
         return EbapsJudge(imager, full, kept, seed)
 
 
+class EbapsJudge(JudgeBase):
+    """See `Judge`. Exposures are in ns."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self._darks: list[tuple[Exposed, PixelModel]] = []
+        self._made: dict[tuple[int, int, frozenset[str]], npt.NDArray[np.uint16]] = {}
+
+    def decides(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        if frame.state["key"]:
+            self._darks = [*self._darks, (rows, pixels)][-4:]
+            self._made.clear()
+            return False
+        judged = self._imager.sequencer.judged
+        return bool(judged is not None and judged.acts)
+
+    def chosen(self, frame: Frame) -> int:
+        return int(frame.state["next_exposure_ns"])
+
+    def exposure(self, frame: Frame) -> float:
+        return frame.state["exposure_ns"]
+
+    def _shown(self, rows: Exposed, pixels: PixelModel, at: slice, kept: frozenset[str]) -> Values:
+        """The values of these rows of which the loop takes the mean."""
+        live = pixels.convert(cut_rows(rows, at), self._seed, kept)
+        sequencer = self._imager.sequencer
+        if sequencer.judged.raw or not sequencer.subtracts():
+            return live.astype(np.float64)
+        key = (at.start, at.stop, kept)
+        if key not in self._made:
+            self._made[key] = mean_of_four([
+                model.convert(cut_rows(dark, at), self._seed, kept) for dark, model in self._darks
+            ])  # fmt: skip
+        return subtract(live, self._made[key], sequencer.pedestal()).astype(np.float64)
+
+    def close(self, rows: Exposed, pixels: PixelModel, frame: Frame) -> bool:
+        judged = self._imager.sequencer.judged
+        mean = frame.state["raw_mean" if judged.raw else "mean"]
+        reach = 0.0
+        for at in strips(rows):
+            full, planned = (self._shown(rows, pixels, at, k) for k in (self._full, self._kept))
+            step = full - planned
+            doubt = deviations(1) * float(step.std()) / np.sqrt(step.size)
+            reach = max(reach, abs(float(step.mean())) + doubt)
+        count = frame.values.size
+        ends = (mean + side * reach for side in (-1, 1))
+        low, high = (judged.chosen(round(end * count), count) for end in ends)
+        return bool(low != high)
+
+    def in_full(self, rows: Exposed, pixels: PixelModel) -> int:
+        whole = slice(0, rows.lux_seconds.shape[0])
+        shown = self._shown(rows, pixels, whole, self._full)
+        judged = self._imager.sequencer.judged
+        return int(judged.chosen(int(shown.sum()), shown.size))
+
+
 def live(frames: Sequence[FrameFigures]) -> list[FrameFigures]:
     """Frames of the scene, without the dark frames."""
     return [t for t in frames if not t.state["key"]]
@@ -258,3 +277,69 @@ def settled_at(frames: Sequence[FrameFigures]) -> int | None:
             break
         found = frame.number
     return found
+
+
+class EbapsComparison(Comparison):
+    """See `Comparison`."""
+
+    title = "EBAPS"
+    note = "corner of an array of 1280 x 1024, whose data rate is given"
+
+    def adjust(
+        self, section: EbapsSection, white: float, mean: float, given: frozenset[str]
+    ) -> EbapsSection:
+        """The highest of the document's voltages at which the range of the loop contains the
+        exposure that the light needs, and the exposure at which the loop comes to rest."""
+        rule = ExposureRule()
+        target = sum(WINDOW) / 2
+        choices = (-section.high_voltage,) if "high_voltage" in given else VOLTS
+        volts, wanted, pixels = choices[-1], 0.0, EbapsModel(section).pixels
+        for volts in choices:
+            wanted = wanted_exposure(pixels.at(volts=volts), mean, target)
+            if wanted * 1e9 >= rule.shortest:
+                break
+        changed: dict[str, float] = {"high_voltage": -volts}
+        if "exposure" not in given:
+            longest = 10 * rule.longest
+            clipped = min(max(round(wanted * 1e9), 1), longest) if wanted < 1e3 else 10**12
+            changed["exposure"] = settle(rule, Linear.wanting(clipped, rule)).low * 1e-9
+        return section.model_copy(update=changed)
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        rule, small = ExposureRule(), replace(pixels, shape=_SHAPE)
+        return (
+            Setting(small.at(volts=0.0), rule.shortest * 1e-9),
+            Setting(small.at(volts=1500.0), rule.longest * 1e-9),
+        )
+
+    def sent(self, section: EbapsSection) -> int:
+        return ROWS * COLUMNS
+
+    def setting(self, section: EbapsSection, pixels: Any) -> str:
+        return f"{section.high_voltage + 0.0:.0f} V"
+
+    def pedestal(self, section: EbapsSection) -> float | None:
+        return float(section.pedestal) if section.darks else None
+
+
+def _bench(seed: int) -> Bench:
+    pixels = EbapsPixels(shape=(32, 96))
+    rare = {"ion events", "direct light", "photocathode emission"}
+    return Bench(
+        pixels, pixels.silicon.area, 1e-3, (0.001, 0.1, 0.2), rows=32, levels=8, frames=8,
+        stack=32, seed=seed, kept=frozenset(pixels.effects) - rare, linear=0.15,
+    )  # fmt: skip
+
+
+MEASURED: Final = Camera(
+    "ebaps", "EBAPS at -1500 V", _bench,
+    (
+        "photons are counted at 555 nm; the sensitivity of the photocathode is that to a "
+        "lamp with infrared light, so that the quantum efficiency may exceed 1",
+        "the gain is measured with its excess noise factor F^2: K is K F^2, and the "
+        "quantum efficiency is QE/F^2",
+        "some ten photoelectrons fill the scale, so slopes are fitted up to 15 % of "
+        "saturation; ion events, direct light and photocathode emission are left out",
+    ),
+)  # fmt: skip
+"""Its part in `viform laboratory`."""

@@ -1,4 +1,6 @@
-"""The hardware chain with the settings of a scenario."""
+"""The hardware chain with the settings of a scenario, and its row in `viform compare`: the timed
+exposure that document 000 contrasts with pulse modulation.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,7 @@ from cosim.config.amounts import at_least, at_most
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.result import Latency, Metric
 from imagers.common.fixed import FixedExposure, FixedTiming
+from imagers.common.kind import Comparison, Setting
 from imagers.common.model import (
     ExposureRange,
     FrameFigures,
@@ -24,8 +27,8 @@ from imagers.common.model import (
     read_latency,
     saturation,
 )
+from imagers.hardware_chain.kind import HardwareChainSection
 from imagers.hardware_chain.pixels import ChainPixels, Ripple, strongest_stripes
-from imagers.hardware_chain.section import HardwareChainSection
 from sensor.dynamic_range import (
     CONVERTERS,
     SENSORS,
@@ -38,6 +41,12 @@ from sensor.dynamic_range import (
 
 FLOODED: Final = 1.25
 """Light over that of saturation from which a frame counts as saturated: far beyond its noise."""
+FULL: Final = 0.8
+"""Share of saturation that white fills."""
+LONGEST: Final = 0.04
+"""Longest exposure that is chosen, s."""
+SHORTEST: Final = 1e-6
+"""Shortest exposure of a section, s."""
 
 
 @dataclass(frozen=True)
@@ -198,3 +207,34 @@ class HardwareChainModel(ImagerModel):
 
     def latency(self, frames: Sequence[FrameFigures], view: View, imager: Any) -> list[Latency]:
         return read_latency(frames)
+
+
+class HardwareChainComparison(Comparison):
+    """See `Comparison`. Unless given, the sensor is the 3T one, of 10 fF and 1 V: the pixel of the
+    pulse-modulated imagers that it stands beside."""
+
+    title = "timed exposure, hardware chain"
+
+    def keys(self, shape: tuple[int, int]) -> dict[str, Any]:
+        return super().keys(shape) | {
+            "sensor": "cmos-3t", "pitch": "10 um", "quantum_efficiency": 0.7
+        }  # fmt: skip
+
+    def adjust(
+        self, section: HardwareChainSection, white: float, mean: float, given: frozenset[str]
+    ) -> HardwareChainSection:
+        """The exposure at which white fills a share of saturation, up to the longest."""
+        if "exposure" in given:
+            return section
+        model = HardwareChainModel(section)
+        full = FULL * model.chain.saturation / (white * model.pixels.responsivity)
+        return section.model_copy(update={"exposure": max(min(full, LONGEST), SHORTEST)})
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        """Exposures from the shortest to the longest, at the gains that are set."""
+        return Setting(pixels, SHORTEST), Setting(replace(pixels, exposure=LONGEST), LONGEST)
+
+    def setting(self, section: HardwareChainSection, pixels: Any) -> str:
+        name = section.sensor if section.own_sensor is None else section.own_sensor.name
+        gain = math.prod((section.analog_gain, section.digital_gain))
+        return f"{name}, {pixels.bits} bits, gain {gain:g}"

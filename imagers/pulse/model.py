@@ -1,9 +1,12 @@
-"""Pulse-modulated imagers with the settings of a scenario."""
+"""Pulse-modulated imagers with the settings of a scenario, and their rows in `viform compare`,
+where their threshold is set for the light.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -13,9 +16,10 @@ import numpy.typing as npt
 from cosim.light.radiometry import photons_per_lux
 from cosim.run.result import Latency, Metric
 from imagers.common.fixed import FixedExposure, FixedTiming
+from imagers.common.kind import Comparison, Setting
 from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, View, read_latency
+from imagers.pulse.kind import PulseSection
 from imagers.pulse.pixels import PfmPixels, PulsePixels, PwmPixels
-from imagers.pulse.section import PulseSection
 from sensor.dynamic_range import decibels
 
 _KINDS: Final[dict[str, tuple[type[PulsePixels], int]]] = {
@@ -24,9 +28,17 @@ _KINDS: Final[dict[str, tuple[type[PulsePixels], int]]] = {
 }
 """Pixels, and the parts of an exposure between which the light's course is linear: a width tells
 when the light came, a count does not."""
-
 _LEVELS: Final = 1 << 16
 """Value of white on a display."""
+THRESHOLDS: Final = (100.0, 62_400.0)
+"""Range of the threshold, e: assumed, and the whole swing of 10 fF and 1 V."""
+DARKEST: Final = 0.02
+"""Reflectance that still reaches the threshold of a pulse width within the exposure."""
+MARGIN: Final = 6.0
+"""Standard deviations of its charge and reset by which it does, so that noise leaves no pixel
+without a pulse."""
+FULL: Final = 0.8
+"""Share of its most pulses that white makes in pulse frequency."""
 
 
 @dataclass(frozen=True)
@@ -84,3 +96,51 @@ class PulseModel(ImagerModel):
         """The light that a width or a number of pulses means, with the scene's white as white."""
         light = self.pixels.lux(values) * (_LEVELS / max(white, 1e-300))
         return np.rint(np.minimum(light, 2.0**40)).astype(np.int64), _LEVELS
+
+
+class _PulseComparison(Comparison):
+    """What both have; see `Comparison`."""
+
+    def adjust(
+        self, section: PulseSection, white: float, mean: float, given: frozenset[str]
+    ) -> PulseSection:
+        """The threshold that the light asks for, within its range."""
+        if "threshold" in given:
+            return section
+        pixels = PulseModel(section).pixels
+        wanted = self.wanted(pixels, white * pixels.responsivity * section.exposure)
+        low, high = THRESHOLDS
+        return section.model_copy(update={"threshold": round(min(max(wanted, low), high))})
+
+    def wanted(self, pixels: Any, electrons: float) -> float:
+        """Threshold for white of so many electrons in an exposure."""
+        raise NotImplementedError
+
+    def extremes(self, pixels: Any) -> tuple[Setting, Setting]:
+        low, high = (replace(pixels, threshold=q) for q in THRESHOLDS)
+        return Setting(high, pixels.exposure), Setting(low, pixels.exposure)
+
+    def setting(self, section: PulseSection, pixels: Any) -> str:
+        return f"threshold {pixels.threshold:g} e, {pixels.bits} bits"
+
+
+class PwmComparison(_PulseComparison):
+    """See `Comparison`. Dark pixels need a large threshold least."""
+
+    title = "pulse-width modulation"
+
+    def wanted(self, pixels: Any, electrons: float) -> float:
+        charge = DARKEST * electrons
+        return charge - MARGIN * math.hypot(math.sqrt(charge), pixels.reset)
+
+
+class PfmComparison(_PulseComparison):
+    """See `Comparison`."""
+
+    title = "pulse-frequency modulation"
+
+    def keys(self, shape: tuple[int, int]) -> dict[str, Any]:
+        return super().keys(shape) | {"bits": 10}
+
+    def wanted(self, pixels: Any, electrons: float) -> float:
+        return electrons / (FULL * pixels.most)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 from threading import Lock
-from typing import Any, Final, ParamSpec, Self, TypeVar
+from typing import Any, Final, Self
 
 from cosim import InputError
 from cosim.compute.cores import cores
@@ -15,8 +15,6 @@ from cosim.compute.stopping import threads
 from cosim.errors import quote
 from scenarios.python.frames import is_whole
 
-_P = ParamSpec("_P")
-_R = TypeVar("_R")
 _AHEAD: Final = 2
 """Results that `in_order` has, or is making, before they are asked for, for each core."""
 

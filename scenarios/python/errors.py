@@ -9,14 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import wraps
-from typing import overload
+from typing import ParamSpec, TypeVar, overload
 
 from cosim import InputError, Interrupted
-from scenarios.python.calls import (
-    _P,
-    _R,
-)
 
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 _VALUE = r"('[^']*'|\"[^\"]*\"|[^\s,;`]+)"
 _RULES: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], str]], ...] = (
     (

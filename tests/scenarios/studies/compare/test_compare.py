@@ -13,17 +13,16 @@ from scipy.special import ndtr
 
 from cosim import PS, InputError
 from cosim.run.progress import QuietProgress
+from imagers.adaptive.model import AdaptiveComparison
 from imagers.adaptive.pixels import AdaptivePixels
-from imagers.adaptive.studies import AdaptiveComparison
 from imagers.common.scenery import Course, Still
-from imagers.ebaps.section import EbapsSection
-from imagers.ebaps.studies import EbapsComparison
+from imagers.ebaps.kind import EbapsSection
+from imagers.ebaps.model import EbapsComparison
+from imagers.emccd.kind import EmccdSection
+from imagers.emccd.model import EmccdComparison
 from imagers.emccd.pixels import EmccdPixels, without_smear
-from imagers.emccd.section import EmccdSection
-from imagers.emccd.studies import EmccdComparison
-from imagers.pulse.model import PulseModel
-from imagers.pulse.section import PwmSection
-from imagers.pulse.studies import DARKEST, PwmComparison
+from imagers.pulse.kind import PwmSection
+from imagers.pulse.model import DARKEST, PulseModel, PwmComparison
 from scenarios.studies.compare import load_comparison, run_compare
 from scenarios.studies.compare.frames import ends, one_frame, with_controls
 from scenarios.studies.compare.measure import EDGE, FIGURES, noise, still_blur
