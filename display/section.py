@@ -10,8 +10,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from cosim import Clock, InputError, seconds_to_ps
 from cosim.config.amounts import at_least
-from cosim.config.choice import Choice
-from cosim.config.quantity import Quantity, Section, Share
+from cosim.config.quantity import Choice, Quantity, Section, Share
 from cosim.spikes.viform import Words
 from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye

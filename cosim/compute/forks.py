@@ -1,14 +1,17 @@
-"""Processes that are forked from one that has computed.
+"""Processes beside this one: what a fork of it has lost, and the command of a child of Python.
 
 A fork copies the memory of OpenCL, OpenMP and OpenGL, but not their threads. The copy waits for
 them for ever, or ends: PoCL and Mesa hang, and GNU OpenMP ends the process. No library has a way to
 begin anew. So a forked process is refused what its parent has used before; it may do all else, such
-as read data sets and reconstruct images.
+as read data sets and reconstruct images. A child is begun anew, and finds the same modules as this
+process.
 """
 
 from __future__ import annotations
 
 import os
+import sys
+from pathlib import Path
 from typing import Any, Final
 from weakref import WeakKeyDictionary
 
@@ -17,9 +20,9 @@ from cosim.errors import InputError
 _HERE: Final[set[str]] = set()
 _BEFORE: Final[set[str]] = set()
 """Libraries that this process has used, and those that its parents had when they forked it."""
-
 _OWNERS: Final[WeakKeyDictionary[object, tuple[str, ...]]] = WeakKeyDictionary()
 _LOST: Final[list[Any]] = []
+_HERE = str(Path(__file__).resolve().parents[2])
 
 
 def use(library: str) -> None:
@@ -52,3 +55,15 @@ def _forked() -> None:
 
 
 os.register_at_fork(after_in_child=_forked)
+
+
+def python_child(code: str, *words: str) -> list[str]:
+    """The command of a Python process that runs `code`, with `words` as its arguments.
+
+    It finds our packages where they are, and other modules where this process finds them. By
+    default Python would look first in the working folder, where a file of the user may have the
+    name of any module.
+    """
+    places = [_HERE, *(place for place in sys.path if isinstance(place, str))]  # as imports do
+    found = f"import sys; sys.path[:] = {places!r}\n"
+    return [sys.executable, "-c", found + code, *words]

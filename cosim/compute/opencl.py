@@ -26,9 +26,8 @@ import numpy.typing as npt
 
 import cosim.compute.cores  # noqa: F401  # it limits the threads of PoCL
 from cosim.compute.cache_folder import cache_folder, prepare_caches
-from cosim.compute.child import python_child
 from cosim.compute.compiling import compiles
-from cosim.compute.forks import lose_in_forks, use
+from cosim.compute.forks import lose_in_forks, python_child, use
 from cosim.compute.kernels import SharedKernel
 from cosim.compute.memory import largest_file
 from cosim.compute.pocl_files import pocl_files

@@ -1,4 +1,6 @@
-"""Opening and writing of streams in all formats, by the ending of the name."""
+"""Opening and writing of streams in all formats, by the ending of the name, with notes on what a
+format cannot hold.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +8,23 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from cosim.clock import Clock
 from cosim.errors import InputError
-from cosim.files.config_yaml import CONFIG, Config, check_config, recording_of, write_config
-from cosim.files.dat import HEAD_SIZE, pixels_of, write_dat
-from cosim.files.dat_size import open_dat
+from cosim.files.config_yaml import (
+    CONFIG,
+    Config,
+    adjacent_config,
+    check_config,
+    recording_of,
+    write_config,
+)
+from cosim.files.dat import DAT_CLOCK, HEAD_SIZE, guess_size, open_dat, pixels_of, write_dat
 from cosim.files.event_file import ENDING, write_events
 from cosim.files.event_planes import EventStream
 from cosim.files.intensities import ENDING as INTENSITIES
-from cosim.files.losses import losses
 from cosim.files.npz import read_npz, write_npz
 from cosim.files.plane_order import DAT_ORDER, PlaneOrder
-from cosim.files.raw import RawStream, write_raw
+from cosim.files.raw import RAW_CLOCK, RawStream, write_raw
 from cosim.files.recorder import write_zarr
 from cosim.files.zarr_store import ZarrStream
 from cosim.spikes.viform import SpikeStream
@@ -29,62 +37,8 @@ _READ: dict[str, Callable[[Path], SpikeStream]] = {
 }
 FORMATS = (".dat", *_READ)
 """Endings of stream files."""
-
-
-def _write_events(stream: SpikeStream, path: Path) -> None:
-    """Writes events; those of an event file keep properties that planes do not hold."""
-    write_events(stream.file if isinstance(stream, EventStream) else stream, path)
-
-
-_WRITE: dict[str, Callable[[SpikeStream, Path], None]] = {
-    ".raw": write_raw,
-    ".npz": write_npz,
-    ".zarr": write_zarr,
-    ENDING: _write_events,
-}
-
-
-def ending_of(path: Path) -> str:
-    """The ending that determines the format of a file, in lower case."""
-    return ENDING if path.name.lower().endswith(ENDING) else path.suffix.lower()
-
-
-def notes_of(stream: SpikeStream) -> tuple[str, ...]:
-    """Notes for the user about the interpretation of a file."""
-    return tuple(getattr(stream, "notes", ()))
-
-
-def locate_stream(path: Path) -> Path:
-    """The file or store that `open_stream` reads. Raises InputError if there is none."""
-    with _readable(path):
-        return _located(path)[0]
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Turns an OSError into an InputError."""
-    try:
-        yield
-    except OSError as exc:
-        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
-
-
-def _located(path: Path) -> tuple[Path, Config | None]:
-    """The stream of a folder or of a config.yaml, or the path itself."""
-    if (path / "stream.zarr").exists():
-        return path / "stream.zarr", None
-    if (path / "stream.events.npz").exists():
-        raise InputError(
-            "the stream", "of a run with a latch clock", f"{path}, whose pixels are asynchronous",
-            "name the stream.events.npz in it; its cycles are ticks of sensor.asynchronous.timing",
-        )  # fmt: skip
-    if not path.exists():
-        raise InputError("the stream", "a file that exists", str(path), "check the path")
-    if path.suffix.lower() in (".yaml", ".yml") or (
-        ending_of(path) not in FORMATS and (path / CONFIG).is_file()
-    ):
-        return recording_of(path)
-    return path, None
+_CLOCKS: dict[str, Clock] = {".dat": DAT_CLOCK, ".raw": RAW_CLOCK}
+"""Formats that hold only spikes, and the clock with which they are read."""
 
 
 def open_stream(
@@ -167,3 +121,96 @@ def write_stream(
     else:
         _WRITE[ending](stream, path)
     return losses(stream, path, ending, head)
+
+
+def locate_stream(path: Path) -> Path:
+    """The file or store that `open_stream` reads. Raises InputError if there is none."""
+    with _readable(path):
+        return _located(path)[0]
+
+
+def ending_of(path: Path) -> str:
+    """The ending that determines the format of a file, in lower case."""
+    return ENDING if path.name.lower().endswith(ENDING) else path.suffix.lower()
+
+
+def notes_of(stream: SpikeStream) -> tuple[str, ...]:
+    """Notes for the user about the interpretation of a file."""
+    return tuple(getattr(stream, "notes", ()))
+
+
+def _write_events(stream: SpikeStream, path: Path) -> None:
+    """Writes events; those of an event file keep properties that planes do not hold."""
+    write_events(stream.file if isinstance(stream, EventStream) else stream, path)
+
+
+_WRITE: dict[str, Callable[[SpikeStream, Path], None]] = {
+    ".raw": write_raw,
+    ".npz": write_npz,
+    ".zarr": write_zarr,
+    ENDING: _write_events,
+}
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turns an OSError into an InputError."""
+    try:
+        yield
+    except OSError as exc:
+        raise InputError("the stream", "readable", f"{path} ({exc.strerror})", "check it") from exc
+
+
+def _located(path: Path) -> tuple[Path, Config | None]:
+    """The stream of a folder or of a config.yaml, or the path itself."""
+    if (path / "stream.zarr").exists():
+        return path / "stream.zarr", None
+    if (path / "stream.events.npz").exists():
+        raise InputError(
+            "the stream", "of a run with a latch clock", f"{path}, whose pixels are asynchronous",
+            "name the stream.events.npz in it; its cycles are ticks of sensor.asynchronous.timing",
+        )  # fmt: skip
+    if not path.exists():
+        raise InputError("the stream", "a file that exists", str(path), "check the path")
+    if path.suffix.lower() in (".yaml", ".yml") or (
+        ending_of(path) not in FORMATS and (path / CONFIG).is_file()
+    ):
+        return recording_of(path)
+    return path, None
+
+
+def losses(stream: SpikeStream, path: Path, ending: str, head: bool = False) -> list[str]:
+    """One line for each property that is lost in writing `stream` to `path`."""
+    if ending not in _CLOCKS:
+        return []
+    notes = []
+    clock, start = _CLOCKS[ending], int(getattr(stream, "start", 0))
+    if stream.clock != clock:
+        notes.append(
+            f"{path} does not keep the clock of {_hz(stream.clock)}: it is read as {_hz(clock)}"
+        )
+    if start:
+        notes.append(f"{path} does not keep that the first cycle is {start}: it is read as 0")
+    if ending == ".dat" and (line := _size_lost(stream, path, head)):
+        notes.append(line)
+    return notes
+
+
+def _size_lost(stream: SpikeStream, path: Path, head: bool) -> str | None:
+    """A note if a `.dat` would be read with another size without --size; None otherwise."""
+    height, width = stream.shape
+    size = HEAD_SIZE if head else (width, height)
+    stated = ""
+    try:
+        config = adjacent_config(path)
+        read = config.size if config else guess_size(path, path.stat().st_size)[0]
+        stated = f" and the {CONFIG} beside it says {read[0]}x{read[1]}" if config else ""
+    except InputError:
+        read = None
+    if read == size:
+        return None
+    return f"{path} does not keep its size{stated}: read it with --size {size[0]}x{size[1]}"
+
+
+def _hz(clock: Clock) -> str:
+    return f"{clock.hz / 1000:.9g} kHz"

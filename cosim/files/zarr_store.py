@@ -5,6 +5,8 @@ The store is a group with the attributes `viform` (format version), `cycles`, `c
 `complete` becomes true after the last block; readers refuse the store before. Chunks without spikes
 are also written, so that a lost chunk is detected. How chunks are compressed is a choice of the run
 (`storing`); every reader reads all of them.
+
+The size that a Zstandard frame states of its content is checked before it is unpacked.
 """
 
 from __future__ import annotations
@@ -22,7 +24,6 @@ from cosim.clock import Clock
 from cosim.compute.memory import check_plane
 from cosim.errors import InputError, shorten
 from cosim.files.atomic import identity
-from cosim.files.zstd import HEAD, content_size
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 
 VERSION = 1
@@ -36,36 +37,11 @@ _CODECS: Final = {"zstd", "crc32c"}
 """Codecs after the first, which makes bytes of words."""
 _MOST: Final = 1 << 20
 """Bytes of an array's description, at most."""
-
-
-def not_a_store(
-    path: Path, actual: str, remedy: str = "run it again, or convert another file"
-) -> InputError:
-    """The error for a store that cannot be read."""
-    return InputError(f"{path}", "the stream.zarr of a finished run", actual, remedy)
-
-
-def form_of(path: Path) -> Path:
-    """The file of a store that states the form of its words. It is written before them, and
-    again only if the number of cycles changes: what was read before is not of the same stream."""
-    return path / "words" / "zarr.json"
-
-
-def _check_form(path: Path) -> None:
-    """Raises InputError unless the array of words states the form that recorders write: format 3 of
-    Zarr, whole chunks, codecs of _CODECS. It is read before zarr opens the store, which would load
-    whatever codec a store names."""
-    try:
-        with form_of(path).open("rb") as file:
-            told = json.loads(file.read(_MOST))
-        form, node, named = told["zarr_format"], told["node_type"], told["codecs"]
-        names = [str(codec["name"]) for codec in named]
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as exc:
-        raise not_a_store(path, "something else") from exc
-    if form != 3 or node != "array":
-        raise not_a_store(path, "something else")
-    if names[:1] != ["bytes"] or not set(names[1:]) <= _CODECS:
-        raise not_a_store(path, shorten(f"one with chunks of {', '.join(names)}"))
+HEAD: Final = 18
+"""Bytes of the longest header of a frame (RFC 8878, section 3.1.1)."""
+_MAGIC: Final = b"\x28\xb5\x2f\xfd"
+_ID: Final = (0, 1, 2, 4)
+"""Bytes of the dictionary's number, by the two lowest bits of the descriptor."""
 
 
 class ZarrStream:
@@ -187,3 +163,52 @@ class ZarrStream:
         if len(parts) == 1:
             return parts[0]
         return np.concatenate([np.empty((0, *self.shape), np.uint32), *parts])
+
+
+def form_of(path: Path) -> Path:
+    """The file of a store that states the form of its words. It is written before them, and
+    again only if the number of cycles changes: what was read before is not of the same stream."""
+    return path / "words" / "zarr.json"
+
+
+def not_a_store(
+    path: Path, actual: str, remedy: str = "run it again, or convert another file"
+) -> InputError:
+    """The error for a store that cannot be read."""
+    return InputError(f"{path}", "the stream.zarr of a finished run", actual, remedy)
+
+
+def _check_form(path: Path) -> None:
+    """Raises InputError unless the array of words states the form that recorders write: format 3 of
+    Zarr, whole chunks, codecs of _CODECS. It is read before zarr opens the store, which would load
+    whatever codec a store names."""
+    try:
+        with form_of(path).open("rb") as file:
+            told = json.loads(file.read(_MOST))
+        form, node, named = told["zarr_format"], told["node_type"], told["codecs"]
+        names = [str(codec["name"]) for codec in named]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as exc:
+        raise not_a_store(path, "something else") from exc
+    if form != 3 or node != "array":
+        raise not_a_store(path, "something else")
+    if names[:1] != ["bytes"] or not set(names[1:]) <= _CODECS:
+        raise not_a_store(path, shorten(f"one with chunks of {', '.join(names)}"))
+
+
+def content_size(head: bytes) -> int | None:
+    """Bytes of a frame's content by its header (RFC 8878, section 3.1.1.1); None if it states none,
+    or is no header.
+
+    Args:
+        head: the first `HEAD` bytes of a frame, or all of a shorter one.
+    """
+    if head[:4] != _MAGIC or len(head) < 5:
+        return None
+    descriptor = head[4]
+    single = descriptor >> 5 & 1
+    wide = (single, 2, 4, 8)[descriptor >> 6]
+    at = 5 + (not single) + _ID[descriptor & 3]
+    field = head[at : at + wide]
+    if not wide or len(field) < wide:
+        return None
+    return int.from_bytes(field, "little") + (256 if wide == 2 else 0)

@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from cosim.compute.cache_folder import cache_folder, prepare_caches
-from cosim.compute.child import python_child
+from cosim.compute.forks import python_child
 from cosim.errors import InputError, ViformError
 
 RETRIES: Final = 3

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from cosim.clock import PS, Clock
 from cosim.spikes.events import Events, mark_planes
+from cosim.spikes.intensities import Intensities
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State
 
@@ -26,6 +27,8 @@ _LARGEST: Final = 2**30
 _STEPS: Final = 3242174889, 2447445414
 """2^32 over the plastic number 1.3247 and over its square: multiples of the pair spread evenly over
 the unit square (the R2 sequence, Roberts 2018)."""
+FINE: Final = 2**30
+"""Value of a spike in every cycle where values are no integers: they are rounded to 2^-30."""
 
 
 def latching_cycles(instants: Cycles, clock: Clock, cycles: int) -> Cycles:
@@ -195,3 +198,35 @@ class Reported:
         pixel, value = self._pixel[span], self._value[span]
         chosen, place = np.unique(pixel[::-1], return_index=True)
         return Change(int(self._cycle[span.start]), chosen, value[::-1][place])
+
+
+def held_events(events: Events, clock: Clock, cycles: int) -> HeldPlanes:
+    """The planes of events that are sent only where a width has changed: until its next event a
+    pixel fires at the rate of the last width, or of the last reading of its charge."""
+    held = Reported(*held_values(events, clock, cycles))
+    return HeldPlanes(held, events.shape, clock, FINE)
+
+
+def held_values(
+    events: Events, clock: Clock, cycles: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Cycle, pixel and value of these events for `Reported`, of which FINE fires in every cycle."""
+    share = np.ones(len(events)) if events.level is None else events.level / events.levels
+    a_cycle = events.clock.hz / clock.hz  # ticks
+    value = np.rint(np.minimum(FINE * share * a_cycle / events.width, 2.0 * FINE))
+    cycle = latching_cycles(tick_ends(events.time, events.clock), clock, cycles)
+    pixel = events.row.astype(np.int64) * events.shape[1] + events.column
+    return cycle, pixel, value.astype(np.int64)
+
+
+def held_reports(reports: Intensities, white: float, white_rate: float) -> HeldPlanes:
+    """The planes of the reports of continuous pixels.
+
+    Args:
+        reports: electrons a second.
+        white: value of white, electrons a second.
+        white_rate: spikes a cycle of white.
+    """
+    value = np.rint(np.minimum(reports.value * (FINE * white_rate / white), 2.0 * FINE))
+    held = Reported(reports.time, reports.pixel, value.astype(np.int64))
+    return HeldPlanes(held, reports.shape, reports.clock, FINE)

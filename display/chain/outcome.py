@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.stopping import threads
-from cosim.light.demosaic import balanced
-from cosim.light.mosaic import Mosaic
+from cosim.light.mosaic import Mosaic, balanced
 from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from display.chain.display import SPIKE, DisplayChain

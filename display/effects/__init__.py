@@ -1,9 +1,7 @@
 """The effects that the simulation of a display may leave out, with their costs and bounds."""
 
 from display.effects.bounds import BASE_COST
-from display.effects.emission import emission_effect
-from display.effects.rows import row_timing_effect
-from display.effects.spans import SPANS, planes_effect
+from display.effects.emission import SPANS, emission_effect, planes_effect, row_timing_effect
 from display.effects.weights import effective_planes, weight_steps
 
 __all__ = [

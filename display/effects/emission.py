@@ -1,17 +1,34 @@
-"""The effect of emission: light follows its drive with time constants."""
+"""Effects that the simulation of a display may leave out: emission, whose light follows its drive
+with time constants; row timing, by which rows are shown one after another; and the timing of spikes
+within spans of planes that are shown as one.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
-from display.effects.bounds import EMISSION, JUMP, dark_rate, fluctuation, spread, total_variation
-from display.effects.weights import steps
+from display.effects.bounds import (
+    EMISSION,
+    JUMP,
+    ROWS,
+    SPAN_COST,
+    dark_rate,
+    fluctuation,
+    promise,
+    spread,
+    total_variation,
+)
+from display.effects.weights import delay_change, span_change, steps
 from display.observe.views import Observer
 from display.panels.panel import SpikePanel
+
+SPANS: Final = (1, 8, 64)
+"""Numbers of planes in a span, from the full resolution to the planes of a draw call."""
 
 
 def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
@@ -54,3 +71,36 @@ def emission_effect(panel: SpikePanel, observer: Observer) -> Effect:
 
     source = "first-order emitter (SpikePanel.rise, decay), its light integrated by parts"
     return Effect("emission rise and decay", source, Stream.NONE, bound, lambda scene: EMISSION)
+
+
+def row_timing_effect(panel: SpikePanel, observer: Observer) -> Effect:
+    """Without this effect, all rows are shown with the first one. The weights of the last row
+    change as for light `row_delay` later, and for a moving eye the position changes by its speed
+    times this delay. The weights of neighbouring planes change in the same way, so moving light
+    counts over the whole response."""
+
+    def bound(scene: Summary) -> Bound:
+        change = delay_change(observer, panel, scene.cycles, round(panel.row_delay))
+        return promise(scene, panel, observer, change, float("inf"))
+
+    source = "rows that a matrix drives one after another (SpikePanel.row_scan)"
+    return Effect("row timing", source, Stream.NONE, bound, lambda scene: ROWS)
+
+
+def planes_effect(panel: SpikePanel, observer: Observer, fine: int, coarse: int) -> Effect:
+    """The resolution of spans of `coarse` planes to spans of `fine` planes.
+
+    Without this effect, every plane of a span has the mean weight of the span and the position of
+    its middle on the retina: equations (1) to (3) of `weights.py`, and `travel`. The costs form one
+    group: to leave out only the coarser resolution saves nothing.
+    """
+
+    def bound(scene: Summary) -> Bound:
+        change = span_change(observer, panel, scene.cycles, fine, coarse)
+        return promise(scene, panel, observer, change, coarse)
+
+    source = "an image is the response times light, integrated: its change by means over spans"
+    return Effect(
+        f"planes within {coarse}", source, Stream.NONE, bound,
+        lambda scene: SPAN_COST[fine], group="planes",
+    )  # fmt: skip

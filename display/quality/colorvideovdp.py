@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import PS
-from cosim.compute.child import python_child
+from cosim.compute.forks import python_child
 from cosim.errors import say
 from display.observe.slow_motion import SlowMotion
 

@@ -13,8 +13,7 @@ from typing import Any
 import moderngl
 
 from cosim import InputError
-from cosim.compute.child import python_child
-from cosim.compute.forks import use
+from cosim.compute.forks import python_child, use
 from cosim.errors import MissingPackages
 
 _DEBIAN = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri")

@@ -3,11 +3,16 @@
 Each pixel with most of its light from one cell is decided by the forward-backward recursion on its
 charge, with random data. The log likelihood ratios of a cell's pixels add up. It costs some
 thousand times the joint detector.
+
+The trellis has the distribution of a tick's charge on a grid. A pixel with share s of its light
+from a cell with bit b gathers off + s (on - off) b thresholds in a tick, and the light of
+neighbouring cells, half of which are on at random. Arrivals are Poisson; with other noise, normal
+with the sum of the variances.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +21,6 @@ from numba import njit, prange
 
 from cosim.compute.cores import all_cores
 from cosim.spikes.viform import WORD, Words
-from link.detect.charge import LEVELS, ChargeLaws, charge_laws
 from link.detect.counting import PHASES
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
 from link.detect.geometry import PLACES, SHARES, CellImages, cell_images
@@ -33,56 +37,11 @@ _BEFORE, _AFTER = 6, 2
 """Symbols before and after the requested ones in the window, if the words contain them."""
 _LEARNED: Final = 96
 """Number of cells that the pixel's properties are learned from."""
-
-
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _all_cells(  # type: ignore[no-untyped-def]
-    words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
-    share, pairs, chance, low, high, merged, levels, hard, limit, out,
-):  # fmt: skip
-    """Writes the soft values of all cells, (n, cells), to `out`.
-
-    The arrays of `Places` and `ChargeLaws` are separate arguments, since numba parallelises the
-    loop over plain arrays best.
-
-    Args:
-        begin, stop: ticks of the window, from the first one in `words`.
-        symbol, symbols: first symbol and number of symbols of the window.
-        skipped: symbols of the window before the first that is written.
-        shift: (2,) of the image, camera pixels.
-        time: first, period, slope, rows of the timing, and the tick of the first word.
-    """
-    height, width, ticks = words.shape[1], words.shape[2], stop - begin
-    for cell in prange(out.shape[1]):
-        region = region_of[cell]
-        u, v = x0[cell] + shift[0], y0[cell] + shift[1]
-        x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
-        qx = min(int((u - x + 0.5) * PLACES), PLACES - 1)
-        qy = min(int((v - y + 0.5) * PLACES), PLACES - 1)
-        fraction, under_way = np.empty(ticks, np.int64), np.empty(ticks, np.int64)
-        window(
-            time[0] - time[4], time[1], time[2], time[3], v, symbol, symbols, begin, fraction,
-            under_way,
-        )  # fmt: skip
-        states, train = np.empty((ticks + 1, 2, levels)), np.empty(ticks, np.uint8)
-        values, total = np.zeros(symbols), np.zeros(out.shape[0])
-        for k in range(min(count[region, qy, qx], _PIXELS)):
-            s = int(share[region, qy, qx, k])
-            py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
-            if (s < _MOSTLY and k > 0) or py < 0 or px < 0 or py >= height or px >= width:
-                continue
-            for t in range(ticks):
-                train[t] = (words[(begin + t) >> 5, py, px] >> ((begin + t) & 31)) & 1
-            values[:] = 0.0
-            posterior(
-                train, fraction, under_way, pairs, s, chance, low, high, merged, levels, hard,
-                states, values,
-            )  # fmt: skip
-            for n in range(out.shape[0]):
-                total[n] += values[skipped + n]
-        for n in range(out.shape[0]):
-            out[n, cell] = min(max(total[n], -limit), limit)
+LEVELS = 40
+"""Steps of charge in a threshold, unless it has fewer electrons."""
+_TAIL = 1e-9
+"""Probability below which a transition is omitted."""
+Values = npt.NDArray[np.float64]
 
 
 class ForwardBackward:
@@ -229,3 +188,122 @@ class ForwardBackward:
             np.float32(LIMIT), out,
         )  # fmt: skip
         return out
+
+
+@all_cores
+@njit(cache=True, parallel=True, nogil=True)
+def _all_cells(  # type: ignore[no-untyped-def]
+    words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
+    share, pairs, chance, low, high, merged, levels, hard, limit, out,
+):  # fmt: skip
+    """Writes the soft values of all cells, (n, cells), to `out`.
+
+    The arrays of `Places` and `ChargeLaws` are separate arguments, since numba parallelises the
+    loop over plain arrays best.
+
+    Args:
+        begin, stop: ticks of the window, from the first one in `words`.
+        symbol, symbols: first symbol and number of symbols of the window.
+        skipped: symbols of the window before the first that is written.
+        shift: (2,) of the image, camera pixels.
+        time: first, period, slope, rows of the timing, and the tick of the first word.
+    """
+    height, width, ticks = words.shape[1], words.shape[2], stop - begin
+    for cell in prange(out.shape[1]):
+        region = region_of[cell]
+        u, v = x0[cell] + shift[0], y0[cell] + shift[1]
+        x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        qx = min(int((u - x + 0.5) * PLACES), PLACES - 1)
+        qy = min(int((v - y + 0.5) * PLACES), PLACES - 1)
+        fraction, under_way = np.empty(ticks, np.int64), np.empty(ticks, np.int64)
+        window(
+            time[0] - time[4], time[1], time[2], time[3], v, symbol, symbols, begin, fraction,
+            under_way,
+        )  # fmt: skip
+        states, train = np.empty((ticks + 1, 2, levels)), np.empty(ticks, np.uint8)
+        values, total = np.zeros(symbols), np.zeros(out.shape[0])
+        for k in range(min(count[region, qy, qx], _PIXELS)):
+            s = int(share[region, qy, qx, k])
+            py, px = y + dy[region, qy, qx, k], x + dx[region, qy, qx, k]
+            if (s < _MOSTLY and k > 0) or py < 0 or px < 0 or py >= height or px >= width:
+                continue
+            for t in range(ticks):
+                train[t] = (words[(begin + t) >> 5, py, px] >> ((begin + t) & 31)) & 1
+            values[:] = 0.0
+            posterior(
+                train, fraction, under_way, pairs, s, chance, low, high, merged, levels, hard,
+                states, values,
+            )  # fmt: skip
+            for n in range(out.shape[0]):
+                total[n] += values[skipped + n]
+        for n in range(out.shape[0]):
+            out[n, cell] = min(max(total[n], -limit), limit)
+
+
+@dataclass(frozen=True, eq=False)
+class ChargeLaws:
+    """Transition probabilities of a pixel's charge.
+
+    Attributes:
+        chance: (shares, fractions + 1, 2, 2, steps) float64, probability of gathering a number of
+            steps, by the cell's bit before and after a symbol begins at a fraction of the tick; the
+            last fraction stands for a tick without a begin.
+        low, high: (shares, fractions + 1, 2, 2) int64, range of steps with a probability, high
+            excluded.
+        merged: (fractions + 1,) bool, whether the bit before has no light in the tick.
+        levels: steps in a threshold.
+        hard: whether a spike removes all charge.
+    """
+
+    chance: Values
+    low: npt.NDArray[np.int64]
+    high: npt.NDArray[np.int64]
+    merged: npt.NDArray[np.bool_]
+    levels: int
+    hard: bool
+
+
+def charge_laws(
+    pixel: PixelLaw, shares: npt.ArrayLike, fractions: npt.ArrayLike, levels: int = LEVELS
+) -> ChargeLaws:
+    """Transition probabilities.
+
+    Args:
+        pixel: the pixel; light and reset must be known.
+        shares: (shares,) share of the pixel's light from the cell.
+        fractions: (fractions,) fraction of a tick at which a symbol begins.
+        levels: steps in a threshold.
+
+    Raises:
+        ValueError: if the light or the reset of the pixel is None.
+    """
+    from scipy.stats import norm, poisson
+
+    if pixel.off is None or pixel.on is None or pixel.reset is None:
+        raise ValueError("the pixel's light and reset must be given or learned")
+    part = np.asarray(shares, np.float64)
+    at = np.append(np.asarray(fractions, np.float64), 1.0)
+    levels = max(min(levels, int(pixel.threshold)), 2)
+    bits = np.arange(2)
+    # (shares, fractions, before, after); at fraction 1 no symbol begins and the bit before counts
+    lit = at[:, None, None] * bits[:, None] + (1 - at)[:, None, None] * bits
+    swing, others = pixel.on - pixel.off, 1 - part
+    mean = pixel.off + swing * (part[:, None, None, None] * lit + others[:, None, None, None] / 2)
+    electrons, step = mean * pixel.threshold, pixel.threshold / levels
+    other = pixel.noise**2 + (swing * others * pixel.threshold / 2) ** 2
+    spread = np.sqrt(electrons + other[:, None, None, None])
+    steps = int(np.ceil((electrons + 8 * spread).max() / step)) + 2
+    edge = (np.arange(steps + 1) - 0.5) * step
+    below = norm.cdf(edge, electrons[..., None], np.maximum(spread, 1e-9)[..., None])
+    below[..., 0] = 0.0
+    plain = other == 0
+    below[plain] = poisson.cdf(np.ceil(edge) - 1, electrons[plain][..., None])
+    chance = np.diff(below)
+    chance /= chance.sum(axis=-1, keepdims=True)
+    possible = chance > _TAIL
+    low = possible.argmax(axis=-1)
+    high = steps - possible[..., ::-1].argmax(axis=-1)
+    return ChargeLaws(
+        chance, low.astype(np.int64), high.astype(np.int64), at == 0, levels,
+        pixel.reset == "hard",
+    )  # fmt: skip

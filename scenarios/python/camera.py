@@ -20,9 +20,8 @@ from scenarios.assemble.called import in_memory
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import choose_lens, choose_mosaic
 from scenarios.assemble.pixel_kinds import refuse_leftovers
-from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.loading import assignments_of, load
 from scenarios.assemble.schema.scenario import Scenario
-from scenarios.assemble.schema.settings import assignments_of
 from scenarios.python.calls import Called, in_order, keys_of
 from scenarios.python.errors import in_python
 from scenarios.python.frames import array_of, check_instants, check_white_rate, is_whole, rate_of

@@ -23,9 +23,8 @@ from display.render.kinds import RendererKind
 from display.section import OBSERVERS
 from scenarios.assemble.called import shown_in_memory
 from scenarios.assemble.instants import even_instants
-from scenarios.assemble.schema.loading import load
+from scenarios.assemble.schema.loading import assignments_of, load
 from scenarios.assemble.schema.scenario import RecordingScenario
-from scenarios.assemble.schema.settings import assignments_of
 from scenarios.assemble.source.recording.opening import Recording, open_recording, recorded
 from scenarios.python.calls import Called, keys_of
 from scenarios.python.errors import in_python

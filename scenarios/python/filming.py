@@ -15,8 +15,7 @@ from cosim.run.machine import NO_REPORT
 from cosim.run.shown import progress_in_python
 from cosim.spikes.viform import part_of
 from scenarios.assemble.called import film_in_memory, filmed_in_memory, in_memory
-from scenarios.assemble.schema.loading import load, shipped
-from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.schema.loading import assignments_of, load, shipped
 from scenarios.python.camera import Camera
 from scenarios.python.errors import in_python
 from scenarios.python.finished import Run

@@ -12,8 +12,7 @@ from cosim.errors import quote
 from link.core import Crossed, LinkCore
 from link.mode import Mode
 from link.setting import link_setting, steering_of
-from scenarios.assemble.schema.loading import linked, load
-from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.schema.loading import assignments_of, linked, load
 from scenarios.assemble.source.link import link_camera
 from scenarios.python.calls import Called, keys_of
 from scenarios.python.errors import in_python

@@ -20,8 +20,7 @@ from link.setting import read_payload
 from scenarios.assemble.called import shown_in_memory
 from scenarios.assemble.machine import check_options
 from scenarios.assemble.resuming import done_before
-from scenarios.assemble.schema.loading import load
-from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.schema.loading import assignments_of, load
 from scenarios.python.display import Display, Seen
 from scenarios.python.errors import in_python
 from scenarios.python.finished import Run

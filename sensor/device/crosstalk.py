@@ -29,10 +29,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.cores import by_rows
-from cosim.light.illuminant import photon_density
 from cosim.light.light import Box, Plane, PlaneMap
 from cosim.light.mosaic import Mosaic
-from cosim.light.radiometry import photons_per_lux
+from cosim.light.radiometry import photon_density, photons_per_lux
 
 Values = npt.NDArray[np.float64]
 _LARGE: Final = 1 << 18

@@ -14,8 +14,7 @@ from cosim import Clock, Plane, SpikeStream
 from cosim.archive import save_array
 from cosim.compute.stopping import threads
 from cosim.files.atomic import atomic_write
-from cosim.light.demosaic import delta_e, in_colour
-from cosim.light.mosaic import Mosaic
+from cosim.light.mosaic import Mosaic, delta_e, in_colour
 from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from sensor.reconstruct.fidelity import Estimate, Imaged, to_white

@@ -20,8 +20,8 @@ import numpy as np
 from numba import njit, prange
 
 from cosim import Clock
-from cosim.compute.child import python_child
 from cosim.compute.cores import all_cores
+from cosim.compute.forks import python_child
 from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
 from sensor import EFFECTS, make_pixels

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from cosim import Block, Clock, Viform
-from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.staged import StreamStage
 from display import CameraPlane, DisplaySetting, FixedEye, PursuingEye, SpikePanel
 from display.core import _KEPT, _TOGETHER, ARITHMETIC, CalledDisplay, LiveDisplay
 from display.drives import DRIVES

@@ -17,7 +17,7 @@ response to a lamp of 2856 K, in which data sheets state photocathodes:
 
     electrons / (s m2 lx) = int eta(lambda) n(lambda) dlambda,
 
-n: photons / (s m2 lx nm) of the illuminant (`cosim.light.illuminant`). A monochromatic light of
+n: photons / (s m2 lx nm) of the illuminant (`cosim.light.radiometry`). A monochromatic light of
 wavelength l gives eta(l) photons_per_lux(l).
 """
 
@@ -32,8 +32,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from cosim.light.illuminant import ILLUMINANTS, LAMP, photon_density
-from cosim.light.radiometry import photons_per_lux
+from cosim.light.radiometry import ILLUMINANTS, LAMP, photon_density, photons_per_lux
 
 ELEMENTARY_CHARGE: Final = 1.602176634e-19
 """C, exact by definition of the SI (2019)."""

@@ -32,8 +32,7 @@ from display.report.sections import (
 from display.report.shown import Filmer, Shown
 from display.report.tables import display_lines
 from scenarios.assemble.behind.spike_camera import make_spikes_filmer
-from scenarios.assemble.schema.filming import SpikesSection
-from scenarios.assemble.schema.scenario import RecordingScenario, StreamScenario
+from scenarios.assemble.schema.scenario import RecordingScenario, SpikesSection, StreamScenario
 from scenarios.assemble.source.feeds import Feed
 
 

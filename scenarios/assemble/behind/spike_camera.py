@@ -25,7 +25,7 @@ from display.plan.pixels import PanelPixels
 from display.report.shown import Shown
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import LUMINANCE, LensChoice, choose_lens
-from scenarios.assemble.schema.filming import SpikesSection
+from scenarios.assemble.schema.scenario import SpikesSection
 from sensor import CameraSetting, SpikeCamera
 from sensor.reconstruct.fidelity import to_white
 from sensor.reconstruct.playback import tfp

@@ -12,13 +12,13 @@ from pydantic import Field, create_model, model_validator
 
 from cosim import InputError
 from cosim.config.amounts import at_most
-from cosim.config.quantity import Duration, Section
+from cosim.config.quantity import Duration, Section, placed
+from display.camera.section import FramesSection
 from display.section import SLOWEST, DisplaySection, check_planes
 from imagers.catalogue import IMAGERS
 from imagers.common.kind import ImagerLens, ImagerSection
 from link.section import LinkScenario, LinkSection
 from rtl_model.bringup.machine.section import BoardSection
-from scenarios.assemble.schema.filming import CameraSection
 from scenarios.assemble.schema.order import Data, is_recording
 from scenarios.scenes.catalogue import SceneSection
 from sensor.codec.packets.section import CodeSection
@@ -32,6 +32,20 @@ _DISPLAY: Any = Field(
 _CAMERA: Any = Field(default=None, description="the camera that films the display; none by default")
 _CODE: Any = Field(default=None, description="code of the stream on a link; layered when absent")
 _LINK: Any = Field(default=None, description="link that carries the coded stream; none by default")
+
+
+class SpikesSection(Section):
+    """A latched spike camera before the panel. Its lens is ideal: one of its pixels sees one pixel
+    of the panel, whatever the size of the chip."""
+
+    kind: Literal["spikes"]
+    sensor: Annotated[SensorSection, placed("camera.sensor")] = Field(
+        description="the chip; its lens is before the panel"
+    )
+
+
+CameraSection = Annotated[FramesSection | SpikesSection, Field(discriminator="kind")]
+"""The section [camera], of either kind."""
 
 
 class ImageSection(Section):

@@ -16,14 +16,16 @@ from cosim.config.quantity import FASTEST
 from cosim.config.toml import to_toml
 from cosim.run.machine import Outcome, Recording
 from cosim.spikes.clocked import (
+    FINE,
     Change,
     ClockedEvents,
     HeldPlanes,
     Reported,
+    held_events,
+    held_values,
     latching_cycles,
 )
 from cosim.spikes.events import mark_planes, only_full
-from cosim.spikes.held import FINE, held_events, held_values
 from cosim.spikes.viform import Words, words_for
 from cosim.stage import Block
 from scenarios.assemble.chip import camera_setting

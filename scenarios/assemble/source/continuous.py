@@ -13,7 +13,7 @@ from cosim.config.amounts import at_least
 from cosim.config.quantity import DAY
 from cosim.config.toml import to_toml
 from cosim.run.machine import Outcome, Recording
-from cosim.spikes.held import held_reports
+from cosim.spikes.clocked import held_reports
 from cosim.stage import Block
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_instants

@@ -116,7 +116,7 @@ def _gl() -> Check:
 def _kernel() -> Check:
     """Checks in a child process that the OpenCL kernel of the pixels can be built and agrees with
     its compiled form."""
-    from cosim.compute.child import python_child
+    from cosim.compute.forks import python_child
 
     call = "from scenarios.cli.maintenance.doctor import print_kernel; print_kernel()"
     child = subprocess.run(

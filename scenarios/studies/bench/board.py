@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from cosim.compute.child import python_child
+from cosim.compute.forks import python_child
 from cosim.compute.opencl import Device
 from cosim.files.raw_layout import FRAME_BYTES, RAW_SIZE
 from cosim.run.timing import TimingRow, least_of

@@ -25,7 +25,7 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 
 from cosim.clock import Clock
-from cosim.compute.child import python_child
+from cosim.compute.forks import python_child
 from cosim.compute.opencl import Device
 from cosim.files.recorder import Recorder
 from cosim.run.folder import check_room

@@ -22,7 +22,7 @@ from cosim.run.inputs import digest
 from cosim.run.progress import Pace, Progress
 from cosim.run.shown import progress_in_python
 from cosim.run.workers import check_workers
-from scenarios.assemble.schema.settings import assignments_of
+from scenarios.assemble.schema.loading import assignments_of
 from scenarios.studies.batch.axes import read_axis
 from scenarios.studies.batch.jobs import begin_batch, read_document, run_jobs
 from scenarios.studies.dataset.card import write_annotations, write_card, write_sums

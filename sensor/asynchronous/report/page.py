@@ -16,9 +16,8 @@ from cosim.report.figures import overview_figure
 from cosim.report.parts import Card, figure, plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page
-from cosim.spikes.clocked import ClockedEvents, HeldPlanes
+from cosim.spikes.clocked import ClockedEvents, HeldPlanes, held_events
 from cosim.spikes.events import only_full
-from cosim.spikes.held import held_events
 from cosim.spikes.staged import StagedStream
 from sensor.asynchronous.model import latched
 from sensor.asynchronous.readout.recorder import STREAM

@@ -1,16 +1,21 @@
-"""The stream codes: a line each. The number of a code in packets is its place here."""
+"""The stream codes: a line each, and those of one layer, which are the words as they are and the
+first-spike codes, anew in every packet. The number of a code in packets is its place in `KINDS`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sensor.codec.coding import Code
+import numpy as np
+
+from cosim.spikes.viform import Words, spikes_beyond, words_for
+from sensor.codec.coding import Code, decode_band, encode_band
+from sensor.codec.columns import Damaged
 from sensor.codec.packets.event import MOST_EVENT_CYCLES, Event
 from sensor.codec.packets.layered import LAYERS, Layered
-from sensor.codec.packets.packet import MOST_CYCLES, TileCode
-from sensor.codec.packets.single import FirstSpike, Raw
+from sensor.codec.packets.packet import MOST_CYCLES, Layer, TileCode
 
 
 @dataclass(frozen=True)
@@ -82,3 +87,45 @@ KINDS: Final[dict[str, Callable[[StreamCode], TileCode]]] = {
     "layered": lambda code: Layered(code.layers),
     "event": lambda code: Event(),
 }
+
+
+class Raw:
+    """Words as they are, one bit a pixel and cycle: 32-bit words, little-endian, of the first 32
+    cycles of all pixels, then of the next."""
+
+    layers = 1
+
+    def encode(self, words: Words, cycles: int) -> list[Layer]:
+        """As `TileCode.encode`."""
+        spikes = int(np.bitwise_count(words).sum(dtype=np.int64))
+        return [Layer(words.astype("<u4").tobytes(), spikes, float(spikes))]
+
+    def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
+        """As `TileCode.decode`."""
+        if len(layers[0]) != 4 * words_for(cycles) * shape[0] * shape[1]:
+            raise Damaged("raw words of another size")
+        words: Words = np.frombuffer(layers[0], "<u4").astype(np.uint32).reshape(-1, *shape)
+        if spikes_beyond(words[-1], cycles):
+            raise Damaged("spikes beyond the last cycle")
+        return words
+
+
+class FirstSpike:
+    """A first-spike code (coding.py), whose pixels begin and end with the packet."""
+
+    layers = 1
+
+    def __init__(self, code: Code) -> None:
+        self._code = code
+
+    def encode(self, words: Words, cycles: int) -> list[Layer]:
+        """As `TileCode.encode`."""
+        spikes = int(np.bitwise_count(words).sum(dtype=np.int64))
+        frame = encode_band(self._code, words.reshape(len(words), -1), cycles)
+        return [Layer(frame.data, spikes, float(spikes))]
+
+    def decode(self, layers: Sequence[bytes], shape: tuple[int, int], cycles: int) -> Words:
+        """As `TileCode.decode`."""
+        data = memoryview(layers[0])
+        words = decode_band(self._code, [data], shape[0] * shape[1], cycles)
+        return words.reshape(-1, *shape)

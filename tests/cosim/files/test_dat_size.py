@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
 from cosim.files import notes_of, open_stream, write_stream
-from cosim.files.dat import write_dat
-from cosim.files.dat_size import guess_size
+from cosim.files.dat import guess_size, write_dat
 from cosim.spikes.viform import unpack_planes
 
 DAT, HEAD, LARGE, PRINTED = 12_500, 13_000, 125_000, 11_250

@@ -15,7 +15,7 @@ from cosim import Clock, InputError, Viform
 from cosim.archive import load_arrays
 from cosim.files import ZarrStream, write_stream
 from cosim.files.npz import read_npz
-from cosim.files.zstd import content_size
+from cosim.files.zarr_store import content_size
 from tests.measured import reading
 
 MIB = 1 << 20

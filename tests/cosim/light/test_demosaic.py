@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.light.demosaic import balanced, delta_e, in_colour
-from cosim.light.mosaic import FILTERS, Mosaic
+from cosim.light.mosaic import FILTERS, Mosaic, balanced, delta_e, in_colour
 
 RESPONSE = np.array([[0.30, 0.06, 0.01], [0.04, 0.45, 0.05], [0.01, 0.05, 0.20]])
 """Rows of unequal sum, colours that mix."""

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.light.illuminant import ILLUMINANTS, black_body, photon_density
-from cosim.light.radiometry import LUMINOUS_EFFICACY, luminous_curve
+from cosim.light.radiometry import (
+    ILLUMINANTS,
+    LUMINOUS_EFFICACY,
+    black_body,
+    luminous_curve,
+    photon_density,
+)
 
 VISIBLE = np.arange(380.0, 781.0)
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.light.illuminant import ILLUMINANTS, photon_density
-from cosim.light.radiometry import photons_per_lux
+from cosim.light.radiometry import ILLUMINANTS, photon_density, photons_per_lux
 from imagers.ebaps.pixels import PHOTOCATHODES, EbapsPixels, Tube, spectral_ratios
 from imagers.ebaps.pixels.tube import SILICON, Response, Spectral
 from sensor.frame_pixels import Exposed

@@ -13,7 +13,7 @@ from scipy import constants, integrate
 
 from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
-from cosim.light.illuminant import luminous_curve
+from cosim.light.radiometry import luminous_curve
 from cosim.spikes.viform import count_spikes
 from sensor import CHIPS, CameraSetting, SpikeCamera
 from sensor.device import crosstalk

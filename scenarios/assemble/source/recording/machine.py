@@ -28,7 +28,7 @@ from cosim.run.result import Error, Metric, Throughput, viform_version
 from cosim.spikes.clocked import (
     ClockedEvents,
 )
-from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.staged import StreamStage
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.feeds import Feed, Planes

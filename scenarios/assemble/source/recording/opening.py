@@ -15,13 +15,12 @@ from cosim.compute.memory import check_plane
 from cosim.config.amounts import count
 from cosim.files import ending_of, notes_of, open_stream
 from cosim.files.config_yaml import CONFIG, adjacent_config
-from cosim.files.dat import DAT_CLOCK, DAT_SIZE, check_dat_size, pixels_of
-from cosim.files.dat_size import guess_size
+from cosim.files.dat import DAT_CLOCK, DAT_SIZE, check_dat_size, guess_size, pixels_of
 from cosim.files.event_file import ENDING, EventFile, read_events
 from cosim.files.plane_order import DAT_ORDER
 from cosim.run.inputs import FILE, PIPE, named_path
 from cosim.spikes.clocked import ClockedEvents
-from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.staged import StreamStage
 from cosim.spikes.viform import count_spikes
 from scenarios.assemble.schema.scenario import AnyScenario, RecordingScenario
 from scenarios.assemble.source.recording.live import LivePlanes

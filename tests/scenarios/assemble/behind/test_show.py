@@ -12,8 +12,8 @@ from cosim import Block, Clock, Events, InputError, Intensities, Interrupted, Vi
 from cosim.files import open_stream, write_stream
 from cosim.run.machine import Options
 from cosim.run.shown import SilentProgress
+from cosim.spikes.clocked import held_events, held_reports
 from cosim.spikes.events import only_full
-from cosim.spikes.held import held_events, held_reports
 from display.panels.panel import SpikePanel
 from display.probes import metrics
 from display.probes.blur import spike_blur

@@ -26,16 +26,15 @@ from cosim.run.chain import STREAM, BlockChain
 from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric
-from cosim.spikes.excerpt import StreamStage
+from cosim.spikes.staged import StreamStage
 from cosim.spikes.viform import words_for
 from cosim.stage import State
 from display.section import DisplaySection
 from link.section import LinkSection
 from scenarios.assemble import machine as assembling
 from scenarios.assemble.schema.export import export
-from scenarios.assemble.schema.filming import CameraSection
 from scenarios.assemble.schema.keys import keys
-from scenarios.assemble.schema.scenario import KINDS, ImageSection, ScenarioKind
+from scenarios.assemble.schema.scenario import KINDS, CameraSection, ImageSection, ScenarioKind
 from scenarios.assemble.source.feeds import Feed, Planes
 from sensor.codec.packets.section import CodeSection
 

@@ -12,7 +12,7 @@ import numpy as np
 from cosim.compute.stopping import threads
 from cosim.config.amounts import count, decibel, number
 from cosim.files import streams_kept
-from cosim.light.demosaic import in_colour
+from cosim.light.mosaic import in_colour
 from cosim.light.source import truth_at
 from cosim.report.explorer import INSTANTS, Truths, explorer_part, span_of
 from cosim.report.figures import overview_figure, sheet_figure

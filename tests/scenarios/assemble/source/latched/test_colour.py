@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cosim.light.demosaic import balanced, delta_e
-from cosim.light.mosaic import Mosaic
+from cosim.light.mosaic import Mosaic, balanced, delta_e
 from cosim.report.png import coloured
 from cosim.run.result import Result
 from scenarios.scenes.charts.patches import PATCHES, ColourChart, linear
