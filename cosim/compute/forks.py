@@ -22,7 +22,7 @@ _BEFORE: Final[set[str]] = set()
 """Libraries that this process has used, and those that its parents had when they forked it."""
 _OWNERS: Final[WeakKeyDictionary[object, tuple[str, ...]]] = WeakKeyDictionary()
 _LOST: Final[list[Any]] = []
-_HERE = str(Path(__file__).resolve().parents[2])
+_PACKAGES: Final = str(Path(__file__).resolve().parents[2])
 
 
 def use(library: str) -> None:
@@ -64,6 +64,6 @@ def python_child(code: str, *words: str) -> list[str]:
     default Python would look first in the working folder, where a file of the user may have the
     name of any module.
     """
-    places = [_HERE, *(place for place in sys.path if isinstance(place, str))]  # as imports do
+    places = [_PACKAGES, *(place for place in sys.path if isinstance(place, str))]  # as imports do
     found = f"import sys; sys.path[:] = {places!r}\n"
     return [sys.executable, "-c", found + code, *words]
