@@ -18,12 +18,10 @@ from pydantic import TypeAdapter
 from cosim import InputError, Interrupted
 from cosim.compute.stopping import undone
 from cosim.files import NOT_KEPT, storing
-from cosim.files.atomic import atomic_write
-from cosim.files.durable import sync_tree
+from cosim.files.atomic import atomic_write, sync_tree
 from cosim.plan.error import BrokenPromise, Finding
 from cosim.report.figures import load_ahead
 from cosim.report.png import pictures
-from cosim.run.estimate import EstimatedProgress
 from cosim.run.folder import (
     REINSTATED,
     begin_folder,
@@ -34,7 +32,7 @@ from cosim.run.folder import (
 )
 from cosim.run.loop import discard_checkpoints, noted_interrupts
 from cosim.run.machine import NO_REPORT, Machine, Options, Outcome, Recording, Run
-from cosim.run.progress import Progress
+from cosim.run.progress import EstimatedProgress, Progress
 from cosim.run.result import Metric, Result, dumps, write_result
 from scenarios.assemble.machine import assemble
 from scenarios.assemble.schema.scenario import AnyScenario

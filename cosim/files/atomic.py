@@ -1,5 +1,10 @@
 """Atomic writing of files: under a temporary name, which is then renamed. A reader, or the next
-start after a loss of power, finds the whole file or none."""
+start after a loss of power, finds the whole file or none.
+
+A system keeps what is written in memory for half a minute, and writes names and contents in any
+order. A file is safe once it has been synced under its temporary name, renamed, and its folder has
+been synced: then its name stands for its whole content or for nothing.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,8 @@ import glob
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -16,35 +22,19 @@ from typing import Final
 
 from cosim.compute.stopping import heed
 from cosim.errors import InputError
-from cosim.files.durable import put, sync, sync_tree
 
 NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, and of a file that is larger than the user or the disk allows."""
-
 _AWAY: Final = 3
 """Times in a row, 50 ms apart, that a removed folder is found to be away."""
 _NUMBERS: Final = count()
 """Numbers of temporary files: two threads of this process may write the same file, one of them for
 work that was given up."""
-
-
-def how_to_make_room(exc: OSError) -> str:
-    """Instruction to the user after an error of NO_ROOM."""
-    if exc.errno == errno.EFBIG:
-        return "raise the limit of a file's size (ulimit -f)"
-    return "make room"
-
-
-def refusal(path: Path, exc: OSError) -> InputError | OSError:
-    """The exception to raise if `path` cannot be written: an InputError. For a full disk it is an
-    OSError with the name of the file, because only the command knows how to continue."""
-    if exc.errno in NO_ROOM:
-        # Not `exc` itself: FFmpeg's errors are a subclass, whose file name cannot be set.
-        return OSError(exc.errno, exc.strerror, exc.filename or str(path))
-    return InputError(
-        f"{path}", "a name that can be written", f"refused ({exc.strerror or exc})",
-        "choose another name",
-    )  # fmt: skip
+_AT_A_TIME: Final = 8
+"""Files that are synced at the same time: a journal writes them together. On the ext4 of a cloud
+disk, 200 files of 4 KiB take .63 s one after another, and .02 s in eight threads."""
+_NO_SYNC: Final = (errno.EINVAL, errno.ENOTSUP, errno.EACCES)
+"""Error numbers of folders that cannot be synced: of some network file systems, or not readable."""
 
 
 @contextmanager
@@ -72,12 +62,23 @@ def atomic_write(path: Path) -> Iterator[Path]:
         raise refusal(path, exc) from exc
 
 
-def _remove_abandoned(path: Path) -> None:
-    """Removes temporary files for `path` of processes that no longer exist."""
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
-        number = part.name.split(".")[-2]
-        if number.isdecimal() and not _alive(int(number)):
-            _remove(part)
+def how_to_make_room(exc: OSError) -> str:
+    """Instruction to the user after an error of NO_ROOM."""
+    if exc.errno == errno.EFBIG:
+        return "raise the limit of a file's size (ulimit -f)"
+    return "make room"
+
+
+def refusal(path: Path, exc: OSError) -> InputError | OSError:
+    """The exception to raise if `path` cannot be written: an InputError. For a full disk it is an
+    OSError with the name of the file, because only the command knows how to continue."""
+    if exc.errno in NO_ROOM:
+        # Not `exc` itself: FFmpeg's errors are a subclass, whose file name cannot be set.
+        return OSError(exc.errno, exc.strerror, exc.filename or str(path))
+    return InputError(
+        f"{path}", "a name that can be written", f"refused ({exc.strerror or exc})",
+        "choose another name",
+    )  # fmt: skip
 
 
 def remove_parts(folder: Path) -> None:
@@ -88,6 +89,69 @@ def remove_parts(folder: Path) -> None:
             hidden = name.startswith(".") and name.endswith(".part")
             if hidden or name.endswith(".partial"):
                 _remove(Path(place) / name)
+
+
+def identity(path: Path) -> tuple[int, ...] | None:
+    """Device, inode, size and time of a file, None if there is none. Those of another file that
+    takes its name differ, and those of the same one once it is written again."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def sync(path: Path) -> None:
+    """Waits until a file, or the names in a folder, are on the disk."""
+    folder = path.is_dir()
+    try:
+        number = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+    except OSError as exc:
+        if not folder or exc.errno not in _NO_SYNC:
+            exc.filename = str(path)
+            raise
+
+
+def sync_all(paths: Iterable[Path]) -> None:
+    """`sync` of each path, several at a time."""
+    with ThreadPoolExecutor(_AT_A_TIME) as pool:
+        list(pool.map(sync, paths))
+
+
+def sync_tree(folder: Path, without: Iterable[str] = ()) -> None:
+    """Syncs all files below a folder, and then all folders.
+
+    without: names in the folder that are left out.
+    """
+    left_out = {folder / name for name in without}
+    files: list[Path] = []
+    folders: list[Path] = []
+    for place, below, names in os.walk(folder):
+        at = Path(place)
+        below[:] = [name for name in below if at / name not in left_out]
+        folders.append(at)
+        files += [at / name for name in names if not (at / name).is_symlink()]
+    sync_all(files)
+    sync_all(folders)
+
+
+def put(part: Path, path: Path) -> None:
+    """Gives a file or a folder, whose content is on the disk, its name, which outlasts a loss of
+    power too."""
+    os.replace(part, path)
+    sync(path.parent)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Removes temporary files for `path` of processes that no longer exist."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        number = part.name.split(".")[-2]
+        if number.isdecimal() and not _alive(int(number)):
+            _remove(part)
 
 
 def _alive(process: int) -> bool:
@@ -124,13 +188,3 @@ def _check(path: Path) -> None:
         raise InputError(
             f"{path}", "in a folder that exists", f"in {path.parent}", f"mkdir -p {path.parent}"
         )
-
-
-def identity(path: Path) -> tuple[int, ...] | None:
-    """Device, inode, size and time of a file, None if there is none. Those of another file that
-    takes its name differ, and those of the same one once it is written again."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

@@ -24,8 +24,7 @@ from cosim.clock import Clock
 from cosim.compute.cores import cores
 from cosim.compute.memory import free_memory
 from cosim.errors import InputError
-from cosim.files.atomic import atomic_write
-from cosim.files.durable import sync_all
+from cosim.files.atomic import atomic_write, sync_all
 from cosim.files.zarr_store import CHUNK, KEPT, VERSION, ZarrStream, not_a_store
 from cosim.spikes.viform import WORD, SpikeStream, Viform, Words, words_for
 from cosim.stage import Block, State

@@ -34,7 +34,7 @@ import numpy.typing as npt
 import zarr
 
 from cosim import InputError
-from cosim.files.durable import sync
+from cosim.files.atomic import sync
 from cosim.frames import Frame
 from sensor.frame_pixels import Exposed, PixelModel
 

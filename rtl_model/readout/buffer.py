@@ -28,7 +28,7 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.clock import PS
-from cosim.files.raw_layout import BLOCK_BYTES
+from cosim.files.raw import BLOCK_BYTES
 from cosim.stage import State
 from rtl_model.readout.scan import BIT_RATE, BLOCK_PS, ScanTiming
 

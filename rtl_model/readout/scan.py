@@ -18,7 +18,7 @@ from cosim import Clock, InputError
 from cosim.clock import PS
 from cosim.compute.opencl import Device
 from cosim.config.amounts import at_most
-from cosim.files.raw_layout import BLOCK_BYTES, FRAME_BYTES, HALF, RAW_SIZE, TABLE, Table, markers
+from cosim.files.raw import BLOCK_BYTES, FRAME_BYTES, HALF, RAW_SIZE, TABLE, Table, markers
 from cosim.spikes.viform import Words, unpack_planes, words_for
 
 Bytes = npt.NDArray[np.uint8]

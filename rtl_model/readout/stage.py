@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.opencl import Device
-from cosim.files.atomic import atomic_write
-from cosim.files.durable import put, sync, sync_all
-from cosim.files.raw_layout import BLOCK_BYTES, RAW_SIZE
+from cosim.files.atomic import atomic_write, put, sync, sync_all
+from cosim.files.raw import BLOCK_BYTES, RAW_SIZE
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, State, section
 from rtl_model.readout.buffer import ROW_BYTES, Kept, RowBuffer

@@ -1,7 +1,6 @@
 """The register map: one table, and the files that are generated from it."""
 
 from rtl_model.registers.csr_csv import csr_csv
-from rtl_model.registers.parameters import identifier, parameters, reset_value
 from rtl_model.registers.table import (
     MAGIC,
     MEMORIES,
@@ -10,8 +9,11 @@ from rtl_model.registers.table import (
     WRITE_WORDS,
     Field,
     Register,
+    identifier,
     mask,
+    parameters,
     quantum,
+    reset_value,
 )
 
 __all__ = [

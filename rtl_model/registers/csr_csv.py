@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rtl_model.geometry import Geometry
-from rtl_model.registers.parameters import parameters
-from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register
+from rtl_model.registers.table import MEMORIES, REGISTERS, Memory, Register, parameters
 
 _CSR_BYTES = 0x1000  # registers and identifier have lower addresses
 

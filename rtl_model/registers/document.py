@@ -9,8 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from rtl_model.geometry import Geometry
-from rtl_model.registers.parameters import PARAMETERS, parameters
-from rtl_model.registers.table import MEMORIES, REGISTERS, Register
+from rtl_model.registers.table import MEMORIES, PARAMETERS, REGISTERS, Register, parameters
 
 _HEAD = """\
 # Registers of the board

@@ -2,12 +2,14 @@
 
 The cycle model, the Verilog header, `csr.csv` and docs/registers.md are derived from it. A register
 is one word of 32 bits at a byte address. On the line (LiteX uartbone) an address is counted in
-words.
+words. Some values are parameters of a build, derived from its geometry.
 """
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
+
+from rtl_model.geometry import Geometry
 
 MAGIC = 0x53504B32
 """First word of a Viform board, ASCII "SPK2"."""
@@ -15,11 +17,27 @@ VERSION = 0x0001_0002
 """Version of the register map: major number in the upper half, minor in the lower.
 
 Minor number 1 added the memories `write_mem` and `capture_mem`, 2 the register `sensor_reading`."""
-
 WRITE_WORDS = 256
 """Words of `write_mem`, one more than a record of Etherbone can write."""
-
 Mode = Literal["ro", "rw", "wo"]
+PARAMETERS: dict[str, str] = {
+    "GEOMETRY": "65536 rows + columns",
+    "LANES": "32 or 64",
+    "CLOCK_HZ": "the board's clock, Hz",
+    "BUILD": "CRC-32 of the Verilog and its parameters",
+    "BIT_CLOCKS": "CLOCK_HZ / baud, rounded",
+    "ALL_ROWS": "65536 (rows - 1): all rows",
+    "ALL_COLUMNS": "65536 (columns - 1): all columns",
+    "TICK_CLOCKS": "the greater of CLOCK_HZ / 40 000 and TICK_MINIMUM",
+    "TICK_MINIMUM": "rows (row_words + 4) + 4, with row_words 32-bit words in a row of whole tiles",
+    "CAPTURE_WORDS": "words of the capture memory, a power of two",
+    "SINK_WORDS": "words of the sink's memory, a power of two",
+    "IDENTIFIER_BYTES": "four for each character of the identifier and the NUL",
+    "PATTERN_BYTES": "a byte for each pixel of each row of whole tiles",
+    "WRITE_BYTES": "256 words: three of the head, and the data",
+    "CAPTURE_BYTES": "4 CAPTURE_WORDS",
+}
+"""Every parameter that the register map may name, with its meaning."""
 
 
 class Field(NamedTuple):
@@ -282,3 +300,34 @@ def mask(register: str, field: str) -> int:
 def quantum(level: int) -> int:
     """Threshold of a level of `sensor_threshold`, 0 to 15, electrons."""
     return 255 + 256 * level
+
+
+def identifier(geometry: Geometry) -> str:
+    """The identifier of a board, without the final NUL."""
+    return f"Viform spike board {geometry.rows}x{geometry.columns}"
+
+
+def parameters(geometry: Geometry, build: int = 0) -> dict[str, int]:
+    """The value of every parameter in `PARAMETERS`; `build` is the CRC-32 of the build."""
+    return {
+        "GEOMETRY": geometry.rows << 16 | geometry.columns,
+        "LANES": geometry.lanes,
+        "CLOCK_HZ": geometry.clock_hz,
+        "BUILD": build,
+        "BIT_CLOCKS": geometry.bit_clocks,
+        "ALL_ROWS": (geometry.rows - 1) << 16,
+        "ALL_COLUMNS": (geometry.columns - 1) << 16,
+        "TICK_CLOCKS": geometry.tick_clocks,
+        "TICK_MINIMUM": geometry.tick_minimum,
+        "CAPTURE_WORDS": geometry.capture_words,
+        "SINK_WORDS": geometry.sink_words,
+        "IDENTIFIER_BYTES": 4 * (len(identifier(geometry)) + 1),
+        "PATTERN_BYTES": geometry.pattern_bytes,
+        "WRITE_BYTES": 4 * WRITE_WORDS,
+        "CAPTURE_BYTES": 4 * geometry.capture_words,
+    }
+
+
+def reset_value(register: Register, values: dict[str, int]) -> int:
+    """The value of `register` after reset, given the `parameters` of the build."""
+    return register.reset if isinstance(register.reset, int) else values[register.reset]

@@ -3,8 +3,14 @@ starts fast."""
 
 import typer as _typer
 
-from scenarios.cli.board.group import board as _board
-from scenarios.cli.link.group import link as _link
+from scenarios.cli.board.bringup import board_bringup, board_replay
+from scenarios.cli.board.capture import board_capture
+from scenarios.cli.board.compare import board_compare, board_stream
+from scenarios.cli.board.gateware import board_gateware, board_links
+from scenarios.cli.board.line import board_identify, board_prbs, board_regs
+from scenarios.cli.board.virtual import board_virtual
+from scenarios.cli.link.files import link_receive, link_send
+from scenarios.cli.link.theory import link_ber, link_capacity
 from scenarios.cli.maintenance.doctor import doctor as _doctor
 from scenarios.cli.maintenance.test import test as _test
 from scenarios.cli.scenario.listing import list_scenarios as _list
@@ -26,6 +32,37 @@ from scenarios.cli.study.design import design as _design
 from scenarios.cli.study.laboratory import laboratory as _laboratory
 from scenarios.cli.study.references import paper as _paper
 from scenarios.cli.study.references import stability as _stability
+
+_link = _typer.Typer(
+    name="link",
+    help="Bytes over light: error rates beside theory, capacity, files through streams.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+_link.command("ber")(link_ber)
+_link.command("capacity")(link_capacity)
+_link.command("send")(link_send)
+_link.command("receive")(link_receive)
+
+_board = _typer.Typer(
+    name="board",
+    help="A test board over a serial line or Ethernet: real, or of Verilog in a simulator.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+_board.command("identify")(board_identify)
+_board.command("regs")(board_regs)
+_board.command("prbs")(board_prbs)
+_board.command("bringup")(board_bringup)
+_board.command("capture")(board_capture)
+_board.command("compare")(board_compare)
+_board.command("stream")(board_stream)
+_board.command("replay")(board_replay)
+_board.command("virtual")(board_virtual)
+_board.command("gateware")(board_gateware)
+_board.command("links")(board_links)
 
 app = _typer.Typer(
     name="viform",

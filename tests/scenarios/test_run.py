@@ -433,7 +433,7 @@ def test_a_disk_that_is_full_by_the_report_is_said(film, tmp_path, monkeypatch):
     def none_left(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("cosim.files.durable.os.fsync", none_left)
+    monkeypatch.setattr("cosim.files.atomic.os.fsync", none_left)
     folder = tmp_path / "run"
     with pytest.raises(InputError) as caught:
         film("step", folder, report=fill)

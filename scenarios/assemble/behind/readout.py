@@ -10,7 +10,7 @@ from typing import Any
 from cosim import Clock, InputError
 from cosim.clock import seconds_to_ps
 from cosim.compute.opencl import Device, choose_device
-from cosim.files.raw_layout import RAW_SIZE
+from cosim.files.raw import RAW_SIZE
 from cosim.plan.error import Finding
 from cosim.run.chain import BlockChain
 from cosim.run.machine import Machine, Outcome, Page, Recording, Run, Study

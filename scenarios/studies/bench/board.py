@@ -19,7 +19,7 @@ import numpy as np
 
 from cosim.compute.forks import python_child
 from cosim.compute.opencl import Device
-from cosim.files.raw_layout import FRAME_BYTES, RAW_SIZE
+from cosim.files.raw import FRAME_BYTES, RAW_SIZE
 from cosim.run.timing import TimingRow, least_of
 from cosim.spikes.viform import WORD
 from rtl_model.bringup.stages.ethernet import measured_rates

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import InputError, Interrupted
-from cosim.files.durable import sync_tree
+from cosim.files.atomic import sync_tree
 from cosim.run.folder import claim_folder, how_to_resume, output_folder
 from cosim.run.inputs import digest
 from cosim.run.progress import Pace, Progress

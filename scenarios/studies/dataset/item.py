@@ -28,7 +28,7 @@ from numpy.lib.format import write_array
 from cosim import PS
 from cosim.compute.opencl import shared_device
 from cosim.files import open_stream, write_stream
-from cosim.files.durable import put
+from cosim.files.atomic import put
 from cosim.plan.planner import EffectRow, left_out_rows
 from cosim.report.png import to_linear_bytes
 from cosim.run.inputs import digest

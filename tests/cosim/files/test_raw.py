@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from cosim import Clock, InputError, Viform
 from cosim.files import notes_of, open_stream, write_stream
-from cosim.files.raw import write_raw
-from cosim.files.raw_layout import TABLE, Table, markers
+from cosim.files.raw import TABLE, Table, markers, write_raw
 from cosim.spikes.viform import unpack_planes
 
 FRAME, BLOCK, BLOCKS = 128_000, 64, 2000

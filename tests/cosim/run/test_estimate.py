@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cosim.run import estimate
-from cosim.run.estimate import EstimatedProgress
-from cosim.run.progress import duration_text
+from cosim.run import progress
+from cosim.run.progress import EstimatedProgress, duration_text
 
 
 class Notes:
@@ -31,7 +30,7 @@ def film(
 ) -> Notes:
     """Steps of 10 with 1 MB each; the first takes five seconds longer."""
     now, notes = [100.0], Notes()
-    monkeypatch.setattr(estimate.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     watched = EstimatedProgress(notes, folder)
     watched.start("filming", 10 * steps)
     watched.advance(begin)

@@ -10,8 +10,7 @@ import pytest
 
 from cosim import Clock, InputError
 from cosim.compute.opencl import Device, open_device
-from cosim.files.raw import RawStream, write_raw
-from cosim.files.raw_layout import FRAME_BYTES, TABLE
+from cosim.files.raw import FRAME_BYTES, TABLE, RawStream, write_raw
 from cosim.spikes.viform import Viform, Words, words_for
 from rtl_model.readout import BIT_RATE, Readout, read_in_numpy
 from rtl_model.readout.scan import BLOCK_PS, ScanTiming, Window

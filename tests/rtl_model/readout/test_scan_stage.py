@@ -10,8 +10,7 @@ import pytest
 
 from cosim import Block, Clock, InputError
 from cosim.compute.opencl import Device
-from cosim.files.raw import RawStream, write_raw
-from cosim.files.raw_layout import TABLE, markers
+from cosim.files.raw import TABLE, RawStream, markers, write_raw
 from cosim.run.loop import Checkpoint, LostRecording
 from cosim.spikes.viform import Viform, Words, unpack_planes
 from rtl_model.readout import BIT_RATE

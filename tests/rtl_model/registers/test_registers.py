@@ -19,8 +19,7 @@ from rtl_model.registers import (
     reset_value,
 )
 from rtl_model.registers.document import document
-from rtl_model.registers.parameters import PARAMETERS
-from rtl_model.registers.table import Memory
+from rtl_model.registers.table import PARAMETERS, Memory
 from tests.rtl_model.registers.checks import faults
 
 ROOT = Path(__file__).resolve().parents[3]
