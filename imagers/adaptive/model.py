@@ -29,8 +29,8 @@ from imagers.adaptive.device.loop import longest_exposure, shortest_exposure
 from imagers.adaptive.device.registers import DEFAULT_LONGEST
 from imagers.adaptive.device.signals import Coupling
 from imagers.adaptive.device.timing import MINIMUM_CLOCKS, Sequencer, Timing
-from imagers.adaptive.kind import AdaptiveSection
 from imagers.adaptive.pixels import AdaptivePixels, CmosSetting
+from imagers.adaptive.section import AdaptiveSection
 from imagers.common.kind import Comparison, Setting
 from imagers.common.model import (
     ExposureRange,

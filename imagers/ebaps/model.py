@@ -47,7 +47,6 @@ from imagers.ebaps.device.exposure import (
 )
 from imagers.ebaps.device.imager import Ebaps
 from imagers.ebaps.device.settling import settle
-from imagers.ebaps.kind import EbapsSection
 from imagers.ebaps.pixels import (
     COLUMNS,
     PHOTOCATHODES,
@@ -57,6 +56,7 @@ from imagers.ebaps.pixels import (
     spectral_ratios,
     wanted_exposure,
 )
+from imagers.ebaps.section import EbapsSection
 from imagers.run.check import cut_rows, strips
 from sensor.frame_pixels import Exposed, PixelModel
 from sensor.laboratory.bench import Bench

@@ -31,7 +31,6 @@ from imagers.emccd.device.sine_drive import DriveSettings, SineDrive
 from imagers.emccd.device.supplies import Course, Supplies
 from imagers.emccd.device.timing import CLOCK_HZ, Settings, Timing, exposure_range, frame_seconds
 from imagers.emccd.electronics import drive_metrics, supply_metrics
-from imagers.emccd.kind import EmccdSection
 from imagers.emccd.pixels import (
     GAIN_RANGE,
     EmccdPixels,
@@ -40,6 +39,7 @@ from imagers.emccd.pixels import (
     without_smear,
 )
 from imagers.emccd.pixels.chip import DARK_ROWS, PITCH
+from imagers.emccd.section import EmccdSection
 from sensor.frame_pixels import PixelModel
 from sensor.laboratory.bench import Bench
 from sensor.laboratory.cameras import Camera

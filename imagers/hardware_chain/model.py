@@ -27,8 +27,8 @@ from imagers.common.model import (
     read_latency,
     saturation,
 )
-from imagers.hardware_chain.kind import HardwareChainSection
 from imagers.hardware_chain.pixels import ChainPixels, Ripple, strongest_stripes
+from imagers.hardware_chain.section import HardwareChainSection
 from sensor.dynamic_range import (
     CONVERTERS,
     SENSORS,

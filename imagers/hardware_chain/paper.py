@@ -15,9 +15,9 @@ from cosim import PS
 from cosim.run.printed import PrintedRow, number, unprinted
 from imagers.common.model import FrameFigures, measure_frame
 from imagers.common.scenery import Still
-from imagers.hardware_chain.kind import HardwareChainSection
 from imagers.hardware_chain.model import HardwareChainModel
 from imagers.hardware_chain.pixels import strongest_stripes
+from imagers.hardware_chain.section import HardwareChainSection
 from sensor.dynamic_range import (
     DALSA,
     KODAK,

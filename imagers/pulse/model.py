@@ -18,8 +18,8 @@ from cosim.run.result import Latency, Metric
 from imagers.common.fixed import FixedExposure, FixedTiming
 from imagers.common.kind import Comparison, Setting
 from imagers.common.model import ExposureRange, FrameFigures, ImagerModel, View, read_latency
-from imagers.pulse.kind import PulseSection
 from imagers.pulse.pixels import PfmPixels, PulsePixels, PwmPixels
+from imagers.pulse.section import PulseSection
 from sensor.dynamic_range import decibels
 
 _KINDS: Final[dict[str, tuple[type[PulsePixels], int]]] = {

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from link.line_codes.eight_ten import FOUR, MIDDLE, SIX
+from link.line_codes.eight_ten_parts import FOUR, MIDDLE, SIX
 
 _MOST = np.float32(1e4)
 """Soft values are clipped to it, so that sums stay finite and accurate."""

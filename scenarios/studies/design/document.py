@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator
 from cosim import InputError
 from cosim.config.quantity import Section, Temperature, Time
 from cosim.config.toml import read_toml
-from imagers.hardware_chain.kind import (
+from imagers.hardware_chain.section import (
     AdcTable,
     Electrons,
     Gain,

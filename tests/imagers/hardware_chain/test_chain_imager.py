@@ -17,9 +17,9 @@ from cosim import InputError
 from imagers.catalogue import IMAGERS
 from imagers.common.model import measure_frame
 from imagers.common.scenery import Still
-from imagers.hardware_chain.kind import HardwareChainSection
 from imagers.hardware_chain.model import HardwareChainModel
 from imagers.hardware_chain.pixels import strongest_stripes
+from imagers.hardware_chain.section import HardwareChainSection
 from scenarios.assemble.schema.loading import load
 from scenarios.assemble.schema.scenario import ImagerScenario
 from sensor.dynamic_range import CONVERTERS, SENSORS, Mapping, decibels

@@ -11,8 +11,8 @@ import pytest
 from cosim import InputError
 from imagers.common.model import measure_frame
 from imagers.common.scenery import Still
-from imagers.pulse.kind import PfmSection, PwmSection
 from imagers.pulse.model import PulseModel
+from imagers.pulse.section import PfmSection, PwmSection
 from sensor.frame_pixels import Exposed
 
 EVERY = frozenset({"shot noise", "reset noise", "dark current"})

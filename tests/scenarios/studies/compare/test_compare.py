@@ -16,13 +16,13 @@ from cosim.run.progress import QuietProgress
 from imagers.adaptive.model import AdaptiveComparison
 from imagers.adaptive.pixels import AdaptivePixels
 from imagers.common.scenery import Course, Still
-from imagers.ebaps.kind import EbapsSection
 from imagers.ebaps.model import EbapsComparison
-from imagers.emccd.kind import EmccdSection
+from imagers.ebaps.section import EbapsSection
 from imagers.emccd.model import EmccdComparison
 from imagers.emccd.pixels import EmccdPixels, without_smear
-from imagers.pulse.kind import PwmSection
+from imagers.emccd.section import EmccdSection
 from imagers.pulse.model import DARKEST, PulseModel, PwmComparison
+from imagers.pulse.section import PwmSection
 from scenarios.studies.compare import load_comparison, run_compare
 from scenarios.studies.compare.frames import ends, one_frame, with_controls
 from scenarios.studies.compare.measure import EDGE, FIGURES, noise, still_blur
