@@ -81,7 +81,8 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
         speeds=_measure(setup, plan, _with_every_effect(setup, plan)),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, full_physics_tiles=plan.full_physics,
-        exact_tiles=int(plan.exact.sum()), display=_display(setup, plan), **_writes(setup, plan),
+        exact_tiles=int(plan.exact.sum()), display=_display(setup, plan), law=plan.law,
+        **_writes(setup, plan),
     )  # fmt: skip
     document["predicted"]["memory_bytes"] = peak_memory(setup, planes)
     return document
