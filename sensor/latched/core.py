@@ -29,19 +29,12 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
 from cosim.light.survey import Coded, Survey
-from cosim.plan.error import (
-    ARITHMETIC,
-    Bounds,
-    BrokenPromise,
-    Finding,
-    Law,
-    Measured,
-    required,
-)
+from cosim.plan.error import ARITHMETIC, BrokenPromise, Finding, required
 from cosim.plan.paired import Span, windows
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
+from sensor.latched.bounds import LatchedBounds
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
@@ -62,41 +55,6 @@ _CHIPS: Final = 4
 """Cameras whose constants are kept, some 50 bytes a pixel each."""
 
 Relay = Callable[[Light], Light]
-
-
-@dataclass(frozen=True, kw_only=True)
-class LatchedBounds(Bounds):
-    """The bounds of a latched camera.
-
-    Attributes:
-        arithmetic: Limit for the arithmetic of the tier.
-        tier: Tier of most tiles.
-        better: Share of tiles that a better tier simulates, 0 to 1.
-    """
-
-    arithmetic: float
-    tier: Tier
-    better: float
-
-    @classmethod
-    def of_plan(
-        cls, plan: CameraPlan, measured: Measured | None = None, law: Law | None = None
-    ) -> LatchedBounds:
-        """The bounds of a plan, and what its check has measured."""
-        return cls(
-            bound=float(np.max(plan.promised)),
-            # The bounds of the arithmetic are estimates; those of the effects may be proofs.
-            kind=plan.plan.kind if not plan.tier_error.any() else "estimate",
-            left_out={row.effect: row.bound for row in plan.plan.absent},
-            kept=plan.plan.everywhere,
-            tolerance=plan.plan.tolerance,
-            measured=measured,
-            arithmetic=float(np.max(plan.tier_error)),
-            tier=plan.tier,
-            better=float(plan.fine.mean()),
-            of=plan.of,
-            law=plan.law if law is None else law,
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

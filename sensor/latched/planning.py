@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
-from cosim.plan.error import Law, Of, accepted_error
+from cosim.plan.error import Of, accepted_error
 from cosim.plan.paired import CheckCamera, Span
 from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, choose_tiles, make_plan
 from cosim.plan.tiles import PatchPlane, TileGrid
@@ -149,23 +149,6 @@ class CameraPlan:
             return np.zeros(len(self.survey.grid))
         promised = np.broadcast_to(self.plan.promise[OWN_DRAWS], self.from_bank.shape)
         return np.where(self.from_bank, promised / ESTIMATE_WEIGHT, 0.0)
-
-    @property
-    def law(self) -> Law | None:
-        """Change of the law of spikes by the bank, computed from the bank itself over all tiles
-        that take it; None where none does. Limits of the mean include all bounds of the plan."""
-        tiles = self.from_bank
-        if not tiles.any():
-            return None
-        from sensor.latched.fast.bank_law import bank_law
-
-        scene = self.survey.scene
-        rates = (
-            np.broadcast_to(np.asarray(light, np.float64) / scene.threshold, tiles.shape)[tiles]
-            for light in (scene.darkest, scene.brightest)
-        )
-        law, most = bank_law(self.setting.model, *rates), float(self.promised[tiles].max())
-        return replace(law, mean=law.mean.within(most, -most))
 
     @property
     def notes(self) -> list[str]:

@@ -5,6 +5,11 @@ the variance of rates, in the latched intervals, and in the correlation of pixel
 with the limits that follow from its scatter over the rows of the patches, which are independent:
 the pixels of a row share their draws from the bank. A third camera, which has no noise, gives the
 rates about which the noise is taken.
+
+What noise from the bank changes against a draw for each spike is also measured in the
+unit of the error of a run, relative to the rate (`bank_change`): the mean of the difference of two
+cameras that are equal otherwise, and the difference of their standard deviations. Both are averages
+over all patches and windows, with the intervals that follow from their scatter.
 """
 
 from __future__ import annotations
@@ -22,6 +27,10 @@ from cosim.plan.paired import Values, Words
 
 LONGEST: Final = 1024
 """Cycles from which on all intervals count as equal."""
+
+DOUBT: Final = 1e-6
+"""Chance that an interval does not include the true change. A run beyond it is repeated without the
+bank, which must not happen by chance."""
 
 
 @njit(cache=True, nogil=True)
@@ -145,3 +154,58 @@ def law_change(one: Spread, other: Spread, floor: float, doubt: float = 1 - CONF
         _apart(one.counts, other.counts, doubt),
         _scattered(pairs / own - before / size, doubt),
     )
+
+
+@dataclass(frozen=True)
+class BankChange:
+    """Changes by the bank, relative to the mean rate, with half widths of their intervals.
+
+    Attributes:
+        rate, rate_width: mean change of the rate.
+        noise, noise_width: change of the standard deviation of a rate.
+    """
+
+    rate: float
+    rate_width: float
+    noise: float
+    noise_width: float
+
+    @property
+    def value(self) -> float:
+        """The larger change."""
+        return max(abs(self.rate), abs(self.noise))
+
+    @property
+    def least(self) -> float:
+        """The larger change, less its interval; 0 where the interval includes 0."""
+        rate, noise = abs(self.rate) - self.rate_width, abs(self.noise) - self.noise_width
+        return max(rate, noise, 0.0)
+
+
+def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
+    """The change of rates by the bank, None with fewer than two patches.
+
+    Windows may overlap, so the windows of a patch are one sample. Patches are independent.
+
+    Args:
+        bank, own, noiseless: (windows, patches, pixels) spikes a cycle, with noise from the bank,
+            with a draw for each spike, and without noise.
+        floor: spikes a cycle, least mean rate.
+    """
+    from scipy.special import stdtrit
+
+    patches = bank.shape[1]
+    if patches < 2:
+        return None
+    base = np.maximum(own.mean(axis=2, keepdims=True), max(floor, 1e-300))
+    noise, reference = (bank - noiseless) / base, (own - noiseless) / base
+    rates = (noise - reference).mean(axis=(0, 2))
+    variance, other = (each.var(axis=2).mean(axis=0) for each in (noise, reference))
+    both = (variance + other) / 2
+    # Patches differ in their noise, so each contributes its relative change.
+    sizes = math.sqrt(float(both.mean())) * (variance - other) / np.maximum(2 * both, 1e-300)
+    score = -float(stdtrit(patches - 1, DOUBT / 2)) / math.sqrt(patches)
+    return BankChange(
+        float(rates.mean()), score * float(rates.std(ddof=1)),
+        float(sizes.mean()), score * float(sizes.std(ddof=1)),
+    )  # fmt: skip

@@ -11,19 +11,13 @@ and its error is one of the law. The camera that films the run then films the pa
 distributions are compared with those of the reference (`law`). What else the plan leaves out is
 measured by a camera with the draws of the reference, spike by spike; to it is added the distance of
 the law of the bank.
-
-What noise from the bank changes against a draw for each spike is also measured by itself. Two
-cameras that are equal otherwise film the patches, so their rates differ by two independent noises.
-What can be measured are the mean of the difference, which is a change of the rate, and the
-difference of their variances about a third camera, which has no noise: a change of the noise. Both
-are averages over all patches and windows, with the intervals that follow from their scatter.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -48,7 +42,15 @@ from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
 from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
 from cosim.stage import Block
-from sensor.latched.check.law import Intervals, Spread, law_change
+from sensor.latched.bounds import law_of_plan
+from sensor.latched.check.law import (
+    DOUBT,
+    BankChange,
+    Intervals,
+    Spread,
+    bank_change,
+    law_change,
+)
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
@@ -56,70 +58,12 @@ from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-_DOUBT: Final = 1e-6
-"""Chance that an interval does not include the true change. A run beyond it is repeated without the
-bank, which must not happen by chance."""
 _WINDOWS: Final = 8
 """Windows over which the variance of rates is taken, evenly spaced; those of the images are few."""
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
 _INTERVALS: Final = "intervals/"
 """Prefix of the state of latched intervals."""
-
-
-@dataclass(frozen=True)
-class BankChange:
-    """Changes by the bank, relative to the mean rate, with half widths of their intervals.
-
-    Attributes:
-        rate, rate_width: mean change of the rate.
-        noise, noise_width: change of the standard deviation of a rate.
-    """
-
-    rate: float
-    rate_width: float
-    noise: float
-    noise_width: float
-
-    @property
-    def value(self) -> float:
-        """The larger change."""
-        return max(abs(self.rate), abs(self.noise))
-
-    @property
-    def least(self) -> float:
-        """The larger change, less its interval; 0 where the interval includes 0."""
-        rate, noise = abs(self.rate) - self.rate_width, abs(self.noise) - self.noise_width
-        return max(rate, noise, 0.0)
-
-
-def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
-    """The change of rates by the bank, None with fewer than two patches.
-
-    Windows may overlap, so the windows of a patch are one sample. Patches are independent.
-
-    Args:
-        bank, own, noiseless: (windows, patches, pixels) spikes a cycle, with noise from the bank,
-            with a draw for each spike, and without noise.
-        floor: spikes a cycle, least mean rate.
-    """
-    from scipy.special import stdtrit
-
-    patches = bank.shape[1]
-    if patches < 2:
-        return None
-    base = np.maximum(own.mean(axis=2, keepdims=True), max(floor, 1e-300))
-    noise, reference = (bank - noiseless) / base, (own - noiseless) / base
-    rates = (noise - reference).mean(axis=(0, 2))
-    variance, other = (each.var(axis=2).mean(axis=0) for each in (noise, reference))
-    both = (variance + other) / 2
-    # Patches differ in their noise, so each contributes its relative change.
-    sizes = math.sqrt(float(both.mean())) * (variance - other) / np.maximum(2 * both, 1e-300)
-    score = -float(stdtrit(patches - 1, _DOUBT / 2)) / math.sqrt(patches)
-    return BankChange(
-        float(rates.mean()), score * float(rates.std(ddof=1)),
-        float(sizes.mean()), score * float(sizes.std(ddof=1)),
-    )  # fmt: skip
 
 
 def absent_on(run: CameraPlan, plane: PatchPlane) -> list[str]:
@@ -161,7 +105,7 @@ class PlanCheck(Paired):
             cameras["all"] = PatchCamera(full, plane, "exact")
         for name in self._left_out:
             cameras[f"without {name}"] = PatchCamera(full.without([name]), plane, "exact")
-        self._of, self._law, self._bank_bound = run.of, run.law, run.bank_bound
+        self._of, self._law, self._bank_bound = run.of, law_of_plan(run), run.bank_bound
         self._banked = run.banked(plane)
         self._intervals: dict[str, Intervals] = {}
         if self._banked.any():
@@ -236,14 +180,19 @@ class PlanCheck(Paired):
         counts = self._intervals[name].counts[mine]
         return Spread(self.rates(name, [self._whole])[0, mine], rates, counts, self.plane.columns)
 
+    def patches_law(self) -> Law | None:
+        """The error in law of the patches that take the bank: of the camera that films there,
+        against the reference. None if there are none."""
+        if not self._banked.any():
+            return None
+        return law_change(self._spread("bank"), self._spread("reference"), self._floor)
+
     def law(self) -> Law | None:
-        """The error in law, on the patches that take the bank: of the camera that films there,
-        against the reference. Its limits include what is computed for all tiles that take it. None
-        for an error of the run."""
-        known = self._law
-        if known is None or not self._banked.any():
+        """The error in law of the patches, with limits that include what is computed for all tiles
+        that take the bank. None for an error of the run."""
+        known, found = self._law, self.patches_law()
+        if known is None or found is None:
             return known
-        found = law_change(self._spread("bank"), self._spread("reference"), self._floor)
 
         def within(figure: LawFigure, promised: LawFigure) -> LawFigure:
             high = max(promised.ci[1], promised.value)
@@ -266,7 +215,7 @@ class PlanCheck(Paired):
         most, at = float(promised.max()), int(tiles[np.argmax(promised)])
         if change.least > most:
             return [reinstated(OWN_DRAWS, most, change.least, at)]
-        found = law_change(self._spread("bank"), self._spread("run"), self._floor, _DOUBT)
+        found = law_change(self._spread("bank"), self._spread("run"), self._floor, DOUBT)
         apart, alike = found.interval_tv, found.correlation
         for least, known in (
             (apart.ci[0], self._law.interval_tv.value),
