@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""
 Draws = Literal["each", "bank"]
-"""Where thresholds come from: a draw for each spike, or the bank where the tolerance allows."""
+"""Source of thresholds: a draw for each spike, or the bank where the tolerance allows it."""
 SOURCE: Final = "quantiles of one random word for each spike; without it, those of a bank"
 _GROUP: Final = "noise"
 _GROWTH: Final = 0.5 * (WORD - 1) / 2
