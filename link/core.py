@@ -66,7 +66,7 @@ class LinkBounds(Bounds):
     tier: Tier
 
     @classmethod
-    def of(cls, plan: LinkPlan) -> LinkBounds:
+    def of_plan(cls, plan: LinkPlan) -> LinkBounds:
         """The bounds of a plan."""
         rows = {row.effect: row.bound for row in plan.plan.absent}
         return cls(
@@ -236,7 +236,7 @@ class LinkCore:
         return Crossed(
             received.delivered[0] if intact and received.delivered else b"", intact,
             _said(verdict), errors.rate, errors.bits, rates.goodput, rates.raw,
-            setup.cycles / setup.setting.camera.clock.hz, setup.mode, LinkBounds.of(link.plan),
+            setup.cycles / setup.setting.camera.clock.hz, setup.mode, LinkBounds.of_plan(link.plan),
             tuple(setup.notes()),
         )  # fmt: skip
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from cosim.config.amounts import number
 from cosim.plan.effects import Kind
+from cosim.plan.planner import ESTIMATE_WEIGHT
 
 CONFIDENCE: Final = 0.999
 """Confidence level of the limits of every error, and of the intervals that go into one."""
@@ -19,6 +20,14 @@ ARITHMETIC: Final = "32-bit arithmetic"
 """Name of the fast tier's arithmetic as an effect; the exact tier reinstates it."""
 EVERYTHING: Final = "every effect"
 """Name that stands for all effects where they are reinstated together."""
+Of = Literal["run", "law"]
+"""What an error is of: "run", the same random words as in full physics, compared spike by spike;
+"law", other draws of the same noise, of which only the distributions can be compared."""
+OTHER_NOISE: Final = (
+    "other noise of the same law: single spikes differ from those of full physics, their "
+    "distributions do not; --draws each keeps its draws"
+)
+"""What a user must know of an error in law, in one sentence."""
 
 
 def deviations(among: int) -> float:
@@ -66,6 +75,71 @@ class Measured:
         most = max(self.high, value if high is None else high)
         return replace(self, value=max(self.value, value), low=max(self.low, value), high=most)
 
+    def in_law(self, apart: float, least: float = 0.0) -> Measured:
+        """The error in law of a simulation that was measured with the draws of full physics.
+
+        Args:
+            apart: estimate of the distance of its own draws from these in law; 0 for none, which
+                leaves the error as it is.
+            least: error that a comparison of the distributions has proven.
+        """
+        if apart == 0:
+            return self
+        value, high = self.value + apart, self.high + ESTIMATE_WEIGHT * apart
+        return replace(
+            self, value=max(value, least), low=min(self.low, least), high=max(high, least)
+        )
+
+
+@dataclass(frozen=True)
+class LawFigure:
+    """The change of one figure of a distribution.
+
+    Attributes:
+        value: the change.
+        ci: its limits (low, high), at CONFIDENCE where it was measured; where it was computed,
+            the least and the largest of all tiles.
+    """
+
+    value: float
+    ci: tuple[float, float]
+
+    def within(self, high: float, low: float = 0.0) -> LawFigure:
+        """The figure with limits that include another change."""
+        return replace(self, ci=(min(self.ci[0], low), max(self.ci[1], high)))
+
+
+@dataclass(frozen=True)
+class Law:
+    """Error in law: what distinguishes the distribution of spikes from that of full physics.
+
+    Attributes:
+        mean: Change of the mean rate, relative to it.
+        variance: Change of the variance of a rate, relative to it.
+        interval_tv: Total variation distance of the distributions of latched intervals, 0 to 1.
+        correlation: Change of the correlation of two pixels, or of successive draws of one.
+    """
+
+    mean: LawFigure
+    variance: LawFigure
+    interval_tv: LawFigure
+    correlation: LawFigure
+
+    def document(self) -> dict[str, dict[str, Any]]:
+        """The law as a JSON object."""
+        return {
+            name: {"value": figure.value, "ci": list(figure.ci)}
+            for name, figure in vars(self).items()
+        }
+
+    @classmethod
+    def of(cls, document: dict[str, Any]) -> Law:
+        """The law of a `document`."""
+        return cls(**{
+            name: LawFigure(figure["value"], tuple(figure["ci"]))
+            for name, figure in document.items()
+        })  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
@@ -73,6 +147,9 @@ class Bounds:
     measured of it.
 
     Attributes:
+        of: "run" where the spikes are those of full physics up to the error, "law" where they have
+            other noise of the same law.
+        law: Error in law; None where `of` is "run". Computed, or measured by a check.
         bound: Limit of the relative error of the rates of a tile, in the worst tile.
         kind: "proof", or "estimate".
         left_out: Limit for each effect that some tile leaves out, by name.
@@ -88,6 +165,8 @@ class Bounds:
     kept: tuple[str, ...]
     tolerance: float
     measured: Measured | None = None
+    of: Of = "run"
+    law: Law | None = None
 
 
 @dataclass(frozen=True)

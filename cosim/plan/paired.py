@@ -130,14 +130,16 @@ class Paired:
         plane: the patches.
         cameras: cameras by name.
         spans: windows over which rates are taken.
+        also: further spans that `rates` may be asked for.
     """
 
     def __init__(
-        self, plane: PatchPlane, cameras: Mapping[str, CheckCamera], spans: Sequence[Span]
-    ) -> None:
+        self, plane: PatchPlane, cameras: Mapping[str, CheckCamera], spans: Sequence[Span],
+        *, also: Sequence[Span] = (),
+    ) -> None:  # fmt: skip
         self.plane, self.spans = plane, list(spans)
         self._cut = PlaneMap(plane.cut, None)
-        self._edges = sorted({e for span in spans for e in span})
+        self._edges = sorted({e for span in (*spans, *also) for e in span})
         n = plane.numbers.size
         self._recorders = {
             name: _Recorder(camera, len(self._edges), n) for name, camera in cameras.items()

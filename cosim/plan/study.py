@@ -15,7 +15,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 import numpy as np
 
 from cosim.light.light import Light, PlaneMap
-from cosim.plan.error import Measured
+from cosim.plan.error import Law, Measured, Of
 from cosim.plan.paired import CheckCamera
 from cosim.plan.planner import EffectRow, Plan, Values
 from cosim.plan.tiles import PatchPlane
@@ -180,6 +180,7 @@ def plan_document(
         "tiles": {},
         "promised": None,
         "promised_kind": None,
+        "error": {"of": "run", "law": None},
         "sets": [],
         **others,
         "kept": [row.effect for row in rows if row.kept > 0],
@@ -196,7 +197,7 @@ def plan_document(
 
 def forecast_document(
     name: str, plan: Plan, *, tier: str, device: str, tier_error: Values | float, speeds: Speeds,
-    pixel_cycles: float, **others: Any,
+    pixel_cycles: float, law: Law | None = None, **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The document of a plan whose run time is predicted.
 
@@ -206,13 +207,16 @@ def forecast_document(
         tier_error: bound of the error of the tier's arithmetic, relative; a number, or one a tile.
         speeds: predicted run times.
         pixel_cycles: size of the run.
+        law: error in law; None for an error of the run.
     """
+    error = {"of": "run", "law": None} if law is None else {"of": "law", "law": law.document()}
     return plan_document(
         name, plan.tolerance, plan.rows, tier=tier, device=device,
         predicted=speeds.document(pixel_cycles),
         promised=float(np.max(plan.total + tier_error)),
         promised_kind="estimate" if np.any(tier_error) else plan.kind,
         sets=[{"effects": list(effects), "tiles": n} for effects, n in plan.sets.items()],
+        error=error,
         **others,
     )  # fmt: skip
 
@@ -225,6 +229,7 @@ class Step:
         tier: "reference", "exact" or "fast".
         tolerance: requested tolerance; None for the reference.
         error, ci: error of the worst patch, and its 99.9 % interval.
+        of: what the error is of, the run or its law; None for none.
         run_time_s: run time of the whole run, from ns_per_pixel_cycle.
         ns_per_pixel_cycle: measured run time.
         effects: effects that some tile keeps.
@@ -241,18 +246,20 @@ class Step:
     effects: list[str]
     left_out: list[str]
     same_as: float | None = None
+    of: Of | None = "run"
 
     @classmethod
-    def of(
+    def measured(
         cls, tier: str, tolerance: float | None, error: Measured | None, ns: float | None,
         size: float, effects: Sequence[str], left_out: Sequence[str] = (),
-        same_as: float | None = None,
+        same_as: float | None = None, of: Of = "run",
     ) -> Step:  # fmt: skip
         """The step with an error that was measured and a time of `ns` a pixel-cycle. size: of the
         run, pixel-cycles."""
         value, ci = (None, None) if error is None else (error.value, (error.low, error.high))
         seconds = None if ns is None else ns * 1e-9 * size
-        return cls(tier, tolerance, value, ci, seconds, ns, [*effects], [*left_out], same_as)
+        known = None if error is None else of
+        return cls(tier, tolerance, value, ci, seconds, ns, [*effects], [*left_out], same_as, known)
 
     def document(self) -> dict[str, Any]:
         """The step as a JSON object."""
@@ -279,12 +286,14 @@ class Rung(Generic[P]):
 
     def steps(
         self, error: Measured | None, ns: float | None, size: float, effects: Sequence[str],
-        left_out: Sequence[str],
+        left_out: Sequence[str], of: Of = "run",
     ) -> list[Step]:  # fmt: skip
-        """A step for each tolerance; see `Step.of`."""
+        """A step for each tolerance; see `Step.measured`."""
         first = self.tolerances[0]
         return [
-            Step.of(self.tier, t, error, ns, size, effects, left_out, first if n else None)
+            Step.measured(
+                self.tier, t, error, ns, size, effects, left_out, first if n else None, of
+            )
             for n, t in enumerate(self.tolerances)
         ]
 

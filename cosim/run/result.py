@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.files.atomic import atomic_write
+from cosim.plan.error import Law, Of
 
 _ESCAPED: Final = re.compile(r"[\x7f-\x9f\ud800-\udfff]")
 NO_REASON: Final = "this run gives no finite value of it"
@@ -77,6 +78,9 @@ class Error:
             of tiles.
         tiles_checked: number of tiles in which pixels were measured, None if there are no tiles.
         tiles_over: number of them whose error is proven to be above the tolerance.
+        of: "run" if both simulations have the same random words and were compared spike by spike,
+            "law" if this one has other draws of the same noise.
+        law: the distributions of an error in law; None for one of the run.
     """
 
     value: float | None
@@ -84,6 +88,8 @@ class Error:
     ci: tuple[float, float] | None
     tiles_checked: int | None = None
     tiles_over: int | None = None
+    of: Of = "run"
+    law: Law | None = None
 
 
 @dataclass(frozen=True)
@@ -137,10 +143,15 @@ class Result:
     files: list[str] = field(default_factory=list)
 
     def _error(self) -> dict[str, Any]:
-        """The error in its documented order, in which the tolerance precedes the tiles."""
-        fields = asdict(self.error)
-        tiles = {key: fields.pop(key) for key in ("tiles_checked", "tiles_over")}
-        return fields | {"tolerance": self.tolerance} | tiles
+        """The error in its documented order, in which the tolerance precedes the tiles. An unknown
+        error is of nothing."""
+        error = self.error
+        return {
+            "value": error.value, "kind": error.kind, "ci": error.ci, "tolerance": self.tolerance,
+            "tiles_checked": error.tiles_checked, "tiles_over": error.tiles_over,
+            "of": None if error.value is None else error.of,
+            "law": None if error.law is None else error.law.document(),
+        }  # fmt: skip
 
     def document(self) -> dict[str, Any]:
         """The fields of the JSON document, in their documented order."""
@@ -177,13 +188,17 @@ def read_result(folder: Path) -> Result | None:
         return None
     try:
         error, plan = dict(document.pop("error")), document.pop("plan")
-        tolerance, ci = error.pop("tolerance"), error.pop("ci")
+        tolerance, ci, law = (error.pop(key) for key in ("tolerance", "ci", "law"))
+        of: Of = error.pop("of") or "run"
         metrics = {name: Metric(**metric) for name, metric in document.pop("metrics").items()}
         latency = [Latency(**row) for row in document.pop("latency")]
         throughput = [Throughput(**row) for row in document.pop("throughput")]
         return Result(
             **document, tolerance=tolerance,
-            error=Error(**error, ci=None if ci is None else tuple(ci)),
+            error=Error(
+                **error, ci=None if ci is None else tuple(ci), of=of,
+                law=None if law is None else Law.of(law),
+            ),
             kept=plan["kept"], left_out=plan["left_out"], metrics=metrics, latency=latency,
             throughput=throughput,
         )  # fmt: skip

@@ -177,6 +177,7 @@ class DisplayCheck(Paired):
     Args:
         plane, cameras, spans: see `Paired`.
         displays: displays on patches, None for a check of cameras only.
+        also: see `Paired`.
     """
 
     def __init__(
@@ -185,8 +186,10 @@ class DisplayCheck(Paired):
         cameras: Mapping[str, CheckCamera],
         spans: Sequence[Span],
         displays: DisplayPatches | None,
+        *,
+        also: Sequence[Span] = (),
     ) -> None:
-        super().__init__(plane, cameras, spans)
+        super().__init__(plane, cameras, spans, also=also)
         self.displays = displays
 
     def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:

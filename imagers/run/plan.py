@@ -203,7 +203,9 @@ def measure_ladder(run: PlannedRun, progress: Progress) -> dict[str, Any]:
         progress.advance(min(frames, total))
     spent = patches.nanoseconds
     steps = [
-        Step.of(REFERENCE, None, Measured(0.0, 0.0, 0.0), spent.get(REFERENCE), pixels, effects)
+        Step.measured(
+            REFERENCE, None, Measured(0.0, 0.0, 0.0), spent.get(REFERENCE), pixels, effects
+        )
     ]
     for rung in rungs:
         kept = [effect for effect in effects if effect in rung.plan]

@@ -241,7 +241,7 @@ def _reference(
     error = ber_units(survey.scene, wrong * survey.scene.threshold / survey.scene.on)
     everything = [effect.name for effect in (*survey.air_effects, *survey.camera_effects)]
     measured = Measured(error, 0.0, error)
-    return Step.of(REFERENCE, None, measured, ns, setup.pixel_cycles, everything)
+    return Step.measured(REFERENCE, None, measured, ns, setup.pixel_cycles, everything)
 
 
 def _document(

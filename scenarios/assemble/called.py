@@ -21,6 +21,7 @@ def called_camera(
     return LatchedCamera(
         setting, device, tolerance=scenario.tolerance, window=scenario.image.window,
         floor=scenario.image.floor, tier=tier, duplicated_rows=scenario.sensor.duplicated_rows,
+        draws=scenario.draws,
     )  # fmt: skip
 
 

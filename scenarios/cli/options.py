@@ -18,6 +18,13 @@ ScenarioName = Annotated[
     str, typer.Argument(help="a name from `viform list`, a TOML file, or the folder of a run")
 ]
 Tolerance = Annotated[float | None, typer.Option(help="allowed relative error")]
+Draws = Annotated[
+    str | None,
+    typer.Option(
+        metavar="each|bank",
+        help="each: the draws of full physics; bank: other noise of the same law, faster [bank]",
+    ),
+]
 Resume = Annotated[bool, typer.Option("--resume", help="continue what was interrupted in --out")]
 Workers = Annotated[int | None, typer.Option(help="processes on this machine [one for two cores]")]
 Scheduler = Annotated[
@@ -73,12 +80,14 @@ class ScenarioOptions:
     seed: Annotated[int | None, typer.Option(help="seed of all temporal noise")] = None
     device: Device = None
 
-    def load(self, scenario: str, tolerance: float | None = None) -> tuple[str, AnyScenario]:
+    def load(
+        self, scenario: str, tolerance: float | None = None, draws: str | None = None
+    ) -> tuple[str, AnyScenario]:
         """Short name and checked scenario. Raises InputError."""
         # Importing the schema takes half a second; `--help` does not need it.
         from scenarios.assemble.schema.loading import load
 
-        return load(scenario, self.assignments, tolerance=tolerance, seed=self.seed)
+        return load(scenario, self.assignments, tolerance=tolerance, seed=self.seed, draws=draws)
 
 
 def expand_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -59,6 +59,9 @@ class Camera(Called, Generic[S]):
         pixel: "latched", "asynchronous" or "continuous"; that of the preset, else latched, if
             None.
         tolerance: Allowed relative error of the simulation; 0 keeps every effect.
+        draws: "each" for noise whose every draw is that of full physics; "bank" for a bank of
+            thresholds where the tolerance allows it, which is faster and has other noise of the
+            same law (`error.of` is then "law"). Only latched pixels have a bank.
         seed: Seed of the temporal noise of call 0. Other calls have draws of their own, which
             depend on the seed and on their number alone.
         device: Number or part of the name of an OpenCL device, or "numba"; the default if None.
@@ -76,8 +79,8 @@ class Camera(Called, Generic[S]):
     @overload
     def __init__(
         self: Camera[Filmed], chip: str = ..., *, pixel: Literal["latched"] | None = ...,
-        tolerance: float = ..., seed: int = ..., device: str | None = ..., tier: Tier | None = ...,
-        illuminance: str = ..., **keys: Any,
+        tolerance: float = ..., draws: str = ..., seed: int = ..., device: str | None = ...,
+        tier: Tier | None = ..., illuminance: str = ..., **keys: Any,
     ) -> None: ...  # fmt: skip
     @overload
     def __init__(
@@ -94,13 +97,15 @@ class Camera(Called, Generic[S]):
     @in_python(section="sensor")
     def __init__(
         self, chip: str = "spiketwo", *, pixel: str | None = None, tolerance: float = 1e-3,
-        seed: int = 1, device: str | None = None, tier: Tier | None = None,
+        draws: str = "bank", seed: int = 1, device: str | None = None, tier: Tier | None = None,
         illuminance: str = "700 lux", **keys: Any,
     ) -> None:  # fmt: skip
         own = {"sensor.chip": chip, "scene.illuminance": illuminance}
         own |= {} if pixel is None else {"sensor.pixel": pixel}
         given = own | keys_of("sensor", keys)
-        _, scenario = load("film", assignments_of(given), tolerance=tolerance, seed=seed)
+        _, scenario = load(
+            "film", assignments_of(given), tolerance=tolerance, draws=draws, seed=seed
+        )
         called = in_memory(scenario)
         if called is None:
             raise InputError(

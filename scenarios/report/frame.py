@@ -8,6 +8,7 @@ import shlex
 import time
 
 from cosim.config.amounts import amount, count, elapsed, number
+from cosim.plan.error import OTHER_NOISE, Law
 from cosim.report.figures import own_settings
 from cosim.report.page import write_page
 from cosim.report.parts import cards, run_time
@@ -72,10 +73,31 @@ def _wrong(result: Result, unmeasured: str) -> str:
     asked = f"tolerance {number(result.tolerance)}"
     if result.tolerance == 0:
         asked = "tolerance 0: every effect is kept"
+    law = "" if error.law is None else (
+        f" It is an error in law: this run has {OTHER_NOISE}. {_law(error.law)}"
+    )  # fmt: skip
     return big(
         number(error.value, 2),
         f"Error of this simulation against full physics{high}: {error.kind}; {asked}. It is the "
-        "price of simulating fast, and no property of the machine.",
+        f"price of simulating fast, and no property of the machine.{law}",
+    )
+
+
+def _law(law: Law) -> str:
+    """The figures of an error in law, in one sentence."""
+    named = (
+        ("mean rate", law.mean), ("variance of a rate", law.variance),
+        ("correlation of pixels", law.correlation),
+    )  # fmt: skip
+    figures = [
+        f"{name} {number(figure.value, 1, sign=True)} ({number(figure.ci[0], 1, sign=True)} to "
+        f"{number(figure.ci[1], 1, sign=True)})" for name, figure in named
+    ]  # fmt: skip
+    apart = law.interval_tv
+    return (
+        "Patches filmed with the camera of this run, against full physics, with 99.9 % limits: "
+        f"{', '.join(figures)}; total variation distance of intervals {number(apart.value, 1)} "
+        f"(at most {number(apart.ci[1], 1)})."
     )
 
 

@@ -235,13 +235,13 @@ def measure_ladder(start: EventStart, progress: Progress) -> dict[str, Any]:
             ns = spent * 1e9 / (pixels * start.cycles)
         except InputError as exc:
             failed = str(exc)
-        steps.append(Step.of(
+        steps.append(Step.measured(
             "fast", tolerance, error, ns, pixels * start.cycles,
             checked.plan.acting(channel=False), checked.plan.plan.left_out,
         ))  # fmt: skip
         notes.append({"failed": failed, "notes": checked.notes})
         progress.advance(n + 2)
-    steps.append(Step.of(
+    steps.append(Step.measured(
         REFERENCE, 0.0, Measured(own, 0.0, own), reference["ns_per_pixel_cycle"],
         pixels * start.cycles, full.acting(channel=False),
     ))  # fmt: skip

@@ -29,14 +29,16 @@ from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
 from cosim.light.survey import Coded, Survey
-from cosim.plan.error import ARITHMETIC, Bounds, BrokenPromise, Finding, Measured, required
+from cosim.plan.error import ARITHMETIC, BrokenPromise, Finding, required
 from cosim.plan.paired import Span, windows
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
+from sensor.latched.bounds import LatchedBounds
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
 from sensor.latched.check.samples import sample_tiles
+from sensor.latched.effects.own_draws import Draws
 from sensor.latched.planning import CameraPlan, plan_camera
 from sensor.latched.setting import CameraSetting
 from sensor.latched.stages import DuplicatedRows, SceneBlocks
@@ -53,37 +55,6 @@ _CHIPS: Final = 4
 """Cameras whose constants are kept, some 50 bytes a pixel each."""
 
 Relay = Callable[[Light], Light]
-
-
-@dataclass(frozen=True, kw_only=True)
-class LatchedBounds(Bounds):
-    """The bounds of a latched camera.
-
-    Attributes:
-        arithmetic: Limit for the arithmetic of the tier.
-        tier: Tier of most tiles.
-        better: Share of tiles that a better tier simulates, 0 to 1.
-    """
-
-    arithmetic: float
-    tier: Tier
-    better: float
-
-    @classmethod
-    def of(cls, plan: CameraPlan, measured: Measured | None = None) -> LatchedBounds:
-        """The bounds of a plan, and what its check has measured."""
-        return cls(
-            bound=float(np.max(plan.promised)),
-            # The bounds of the arithmetic are estimates; those of the effects may be proofs.
-            kind=plan.plan.kind if not plan.tier_error.any() else "estimate",
-            left_out={row.effect: row.bound for row in plan.plan.absent},
-            kept=plan.plan.everywhere,
-            tolerance=plan.plan.tolerance,
-            measured=measured,
-            arithmetic=float(np.max(plan.tier_error)),
-            tier=plan.tier,
-            better=float(plan.fine.mean()),
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,12 +87,14 @@ class LatchedCamera:
         tier: arithmetic of all pixels; None for the fastest that the tolerance allows, with a
             better one in the tiles that need it.
         duplicated_rows: fault of the readout, pairs (source, target).
+        draws: "each" for a draw for each spike, "bank" for thresholds from the bank of the fast
+            tier where the tolerance allows.
     """
 
     def __init__(
         self, setting: CameraSetting, device: Device | None, *, tolerance: float = 1e-3,
         window: int = WINDOW, floor: float | None = None, tier: Tier | None = None,
-        duplicated_rows: Sequence[tuple[int, int]] = (),
+        duplicated_rows: Sequence[tuple[int, int]] = (), draws: Draws = "bank",
     ) -> None:  # fmt: skip
         if tier == "fast" and device is None:
             raise InputError(
@@ -130,6 +103,7 @@ class LatchedCamera:
         keep_freed()
         self.setting, self._device, self._tier = setting, device, tier
         self._tolerance, self._window, self._floor = tolerance, window, floor
+        self._draws: Draws = draws
         self._duplicated = DuplicatedRows(duplicated_rows) if duplicated_rows else None
         self._plans: dict[bytes, CameraPlan] = {}
         self._chips: list[tuple[tuple[Any, ...], TierPixels]] = []
@@ -180,7 +154,7 @@ class LatchedCamera:
         if known is None:
             known = plan_camera(
                 survey, self.setting, self._tolerance, spans, self._device,
-                forced=forced, tier=tier, mixed=mixed,
+                forced=forced, tier=tier, mixed=mixed, draws=self._draws,
             )  # fmt: skip
             with self._lock:
                 if self._closed:
@@ -280,11 +254,12 @@ class LatchedCamera:
         if self._duplicated is not None:
             self._duplicated.duplicate(words)
         measured = None if checking is None else checking.error()
+        law = None if checking is None else checking.law()
         beyond = () if checking is None else checking.beyond()
         put_back = [finding.message for finding in found]
         light = scene.source
         notes = (*plan.notes, *light.notes, *put_back, *light.degraded, *beyond)
-        bounds = LatchedBounds.of(plan, measured)
+        bounds = LatchedBounds.of_plan(plan, measured, law)
         return Filmed(words, cycles, self.setting.clock, 0, bounds, notes, tuple(light.degraded))
 
     def _check(self, plan: CameraPlan) -> PlanCheck:
@@ -345,10 +320,11 @@ class LatchedCamera:
         slow = self._device is None or self._tolerance == 0
         tier: Tier = self._tier or ("exact" if slow else "fast")
         plan = plan_camera(
-            survey, self.setting, self._tolerance, (), self._device, tier=tier, mixed=False
-        )
+            survey, self.setting, self._tolerance, (), self._device, tier=tier, mixed=False,
+            draws=self._draws,
+        )  # fmt: skip
         camera = self._exposed(self._seeded(plan, seed_of(self.setting.seed, number)))
-        return LiveCamera(self.setting, camera, LatchedBounds.of(plan), most, frames, relay,
+        return LiveCamera(self.setting, camera, LatchedBounds.of_plan(plan), most, frames, relay,
                           self._duplicated, self._check_room)  # fmt: skip
 
 

@@ -16,14 +16,14 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Effect, Summary
-from cosim.plan.error import accepted_error
+from cosim.plan.error import Of, accepted_error
 from cosim.plan.paired import CheckCamera, Span
-from cosim.plan.planner import SHARE, Plan, choose_tiles, make_plan
+from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, choose_tiles, make_plan
 from cosim.plan.tiles import PatchPlane, TileGrid
 from sensor.latched.arithmetic import exact_error, fast_error
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.effects.effect import EXACT, QUIET, reference_cost
-from sensor.latched.effects.own_draws import OWN_DRAWS, with_own_draws
+from sensor.latched.effects.own_draws import OWN_DRAWS, Draws, with_own_draws
 from sensor.latched.fast.units import BANK, DEAD_TIME, NOISE
 from sensor.latched.fine_tiles import FineTiles, MixedPatches, PatchCamera
 from sensor.latched.levels import error_over_levels, fast_can_follow, planned_effects
@@ -128,6 +128,29 @@ class CameraPlan:
         return [int(rng.choice(whole[which[whole] == one])) for one in missing]
 
     @property
+    def from_bank(self) -> npt.NDArray[np.bool_]:
+        """Tiles whose thresholds come from the bank, (tiles,)."""
+        tiles = len(self.survey.grid)
+        if self.tier != "fast":
+            return np.zeros(tiles, bool)
+        return np.broadcast_to(_banked(self.plan, tiles) & ~self.fine, tiles)
+
+    @property
+    def of(self) -> Of:
+        """What the error of the run is of: in law, where a tile takes the bank."""
+        return "law" if self.from_bank.any() else "run"
+
+    @property
+    def bank_bound(self) -> npt.NDArray[np.float64]:
+        """Distance of the law of a rate by the bank from that of a draw for each spike, relative,
+        (tiles,): what two runs differ by if their draws are paired as well as they can be. It is
+        an estimate; 0 in tiles without the bank."""
+        if self.of == "run":
+            return np.zeros(len(self.survey.grid))
+        promised = np.broadcast_to(self.plan.promise[OWN_DRAWS], self.from_bank.shape)
+        return np.where(self.from_bank, promised / ESTIMATE_WEIGHT, 0.0)
+
+    @property
     def notes(self) -> list[str]:
         """Notes for the user on the choice of the tier."""
         if self.tier == "exact" and not fast_can_follow(self.full, self.survey.scene):
@@ -164,11 +187,12 @@ class CameraPlan:
         return {"exact": exact, "reference": fine & ~exact}
 
     def on_patches(self, plane: PatchPlane, device: Device | None) -> CheckCamera:
-        """The planned camera on patches that are tiles of the survey's grid.
+        """The planned camera on patches, with the draws of the reference, for pairs with it.
 
-        Every spike has a draw of its own there, as in the reference, with which it is compared.
-        Draws of the bank belong to cycles: an effect that is left out moves spikes into other
-        cycles, and with them to other draws, which would count as an error.
+        Where the run takes them from the bank, this is not the camera that films: that is
+        `bank_on_patches`, whose law is compared. Draws of the bank belong to cycles. An effect that
+        is left out moves spikes into other cycles, and with them to other draws, so such spikes
+        cannot be paired.
         """
         flags = self._flags_on(plane)
         flags = None if flags is None else flags & np.uint8(~BANK & 255)
@@ -190,8 +214,8 @@ class CameraPlan:
     def bank_on_patches(
         self, plane: PatchPlane, device: Device | None
     ) -> tuple[CheckCamera, CheckCamera]:
-        """The planned camera on patches with thresholds from the bank, and the same without noise
-        of the thresholds."""
+        """The planned camera on patches as it films there, with thresholds from the bank, and the
+        same without noise of the thresholds. On whole tiles it gives the bits of the run."""
         flags = self._flags_on(plane)
         assert flags is not None  # the fast tier
         quiet = flags & np.uint8(~(BANK | NOISE) & 255)
@@ -298,6 +322,7 @@ def plan_camera(
     tier: Tier | None = None,
     behind: Behind | None = None,
     mixed: bool = True,
+    draws: Draws = "bank",
 ) -> CameraPlan:
     """Plans a camera over a scene.
 
@@ -312,13 +337,15 @@ def plan_camera(
         behind: what shows the spikes, whose bounds share the tolerance; None for nothing.
         mixed: whether a better tier simulates the tiles in which the arithmetic of the tier could
             change the rates too much.
+        draws: "each" for a draw for each spike in all tiles, "bank" to take thresholds from the
+            bank where the tolerance allows.
     """
     scene = survey.scene if behind is None else behind.seen(survey.scene)
     tiers: list[Tier] = ["exact"] if tier is None else [tier]
     if tier is None and device is not None and tolerance > 0 and fast_can_follow(setting, scene):
         tiers.append("fast")
     every = planned_effects(setting, spans)
-    with_bank = with_own_draws(every, setting)
+    with_bank = with_own_draws(every, setting) if draws == "bank" else every
     banked: npt.NDArray[np.bool_] | None = None
     if behind is None and any(effect.name == OWN_DRAWS for effect in with_bank):
         banked = np.ones(len(survey.grid), bool)  # as far as a plan says
@@ -342,10 +369,10 @@ def plan_camera(
         )  # fmt: skip
         if banked is None or tier != "fast":
             break
-        draws = fine | _banked(plan, len(banked))
-        if draws[banked].all():
+        so_far = fine | _banked(plan, len(banked))
+        if so_far[banked].all():
             break
-        banked &= draws
+        banked &= so_far
     flags = _flags(plan, survey.grid, fine) if tier == "fast" else None
     coarse = [name for name in exempt if not plan.kept[name][~fine].any()]
     end: npt.NDArray[np.float64] | float = 0.0

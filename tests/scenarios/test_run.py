@@ -207,11 +207,20 @@ def test_the_document_has_the_fields_of_the_design_in_their_order(step_run):
     assert document["simulated_s"] == 0.0025
     assert document["run_time_s"] > 0
     error = document["error"]
-    assert list(error) == ["value", "kind", "ci", "tolerance", "tiles_checked", "tiles_over"]
+    assert list(error) == [
+        "value", "kind", "ci", "tolerance", "tiles_checked", "tiles_over", "of", "law",
+    ]  # fmt: skip
+    assert error["of"] == "law" and list(error["law"]) == [
+        "mean", "variance", "interval_tv", "correlation",
+    ]  # fmt: skip
+    for figure in error["law"].values():
+        assert list(figure) == ["value", "ci"]
+        assert figure["ci"][0] <= figure["value"] <= figure["ci"][1]
     low, high = error["ci"]
     assert 0 <= low <= error["value"] <= high <= error["tolerance"] == 1e-3
     patches, others = re.fullmatch(
-        r"measured on (\d+) patches of \d+ pixels and 16 pixels in each of (\d+) other tiles",
+        r"measured on (\d+) patches of \d+ pixels and 16 pixels in each of (\d+) other tiles; "
+        "in law: with paired draws, and the distance of the bank's own added",
         error["kind"],
     ).groups()  # type: ignore[union-attr]
     assert error["tiles_checked"] == int(patches) + int(others) and error["tiles_over"] == 0

@@ -182,6 +182,7 @@ def load(
     *,
     tolerance: float | None = None,
     seed: int | None = None,
+    draws: str | None = None,
     sections: dict[str, Any] | None = None,
 ) -> tuple[str, AnyScenario]:
     """Loads and checks a scenario.
@@ -192,7 +193,7 @@ def load(
     Args:
         name: name of a scenario of the package, a TOML file, or the folder of a run.
         assignments: values of --set, such as "sensor.clock=20 kHz".
-        tolerance, seed: replace the keys of the same name; None keeps them.
+        tolerance, seed, draws: replace the keys of the same name; None keeps them.
         sections: data of whole sections, which replace those of the scenario before `--set`.
 
     Returns:
@@ -215,10 +216,8 @@ def load(
     _remove_conflicts(data, assignments or [])
     for assignment in assignments or []:
         assign(data, assignment)
-    if tolerance is not None:
-        data["tolerance"] = tolerance
-    if seed is not None:
-        data["seed"] = seed
+    given = {"tolerance": tolerance, "seed": seed, "draws": draws}
+    data |= {key: value for key, value in given.items() if value is not None}
     return short, _absolute(validate(data))
 
 

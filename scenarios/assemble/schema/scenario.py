@@ -93,6 +93,12 @@ class Scenario(_Linked):
     title: str = Field(examples=["A clip at 40 kHz"])
     duration: Duration
     tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+    draws: Literal["each", "bank"] = Field(
+        default="bank",
+        description="draws of the noise of latched pixels: each for one for each spike, as in full "
+        "physics; bank for a bank of thresholds where the tolerance allows it, which is faster and "
+        "has other noise of the same law",
+    )
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 1
     scene: SceneSection
     sensor: SensorSection

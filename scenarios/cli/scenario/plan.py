@@ -9,8 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from cosim.config.amounts import amount, count, elapsed, number, percent
+from cosim.plan.error import OTHER_NOISE
 from cosim.run.shown import make_progress
 from scenarios.cli.options import (
+    Draws,
     ScenarioName,
     ScenarioOptions,
     Tolerance,
@@ -25,12 +27,13 @@ def plan(
     scenario: ScenarioName,
     options: ScenarioOptions,
     tolerance: Tolerance = None,
+    draws: Draws = None,
     json: Json = False,
 ) -> None:
     """Print the effects that a run would keep and leave out, with bounds and predicted cost."""
     from scenarios.assemble.machine import assemble_study
 
-    name, loaded = options.load(scenario, tolerance)
+    name, loaded = options.load(scenario, tolerance, draws)
     study = assemble_study("plan", name, loaded, options.device)
     progress = make_progress()
     try:
@@ -159,6 +162,8 @@ def _plan_text(document: dict[str, Any]) -> str:
         lines.append("nothing is left out")
     elif document["promised"] is not None:
         lines.append(_total_bound(document))
+    if document["error"]["of"] == "law":
+        lines.append(f"the error is in law: {OTHER_NOISE}")
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
             "this exceeds the tolerance: the cause is the lumped form of the circuit or the "

@@ -9,6 +9,7 @@ import typer
 
 from cosim.run.shown import SilentProgress, make_progress
 from scenarios.cli.options import (
+    Draws,
     ScenarioName,
     ScenarioOptions,
     Scheduler,
@@ -32,6 +33,7 @@ def run(
     options: ScenarioOptions,
     scenario: ScenarioName = "glass",
     tolerance: Tolerance = None,
+    draws: Draws = None,
     out: Annotated[Path | None, typer.Option(help="folder to create [runs/SCENARIO-N]")] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="continue the interrupted run in --out")
@@ -65,7 +67,7 @@ def run(
     from scenarios.cli.start import BEGAN
     from scenarios.run import run_scenario
 
-    name, loaded = options.load(scenario, tolerance)
+    name, loaded = options.load(scenario, tolerance, draws)
     run_options = Options(options.device, resume, trace, store, workers, scheduler, report)
     check_options(loaded, run_options)
     if resume and out is not None:
@@ -167,15 +169,18 @@ def _checked(result: Result) -> list[tuple[str, str]]:
     """Labels and texts of the lines on the error, on the run time of full physics, and on the
     effects left out."""
     from cosim.config.amounts import elapsed, number
+    from cosim.plan.error import OTHER_NOISE
 
     error, lines = result.error, []
     if error.value is None:
         lines.append(("error", "unknown" if error.kind is None else f"unknown: {error.kind}"))
     else:
         high = "" if error.ci is None else f", at most {number(error.ci[1], 2)} (99.9 %)"
-        lines.append(
-            ("error", f"{number(error.value, 2)}{high} against full physics; {error.kind}")
-        )
+        law = error.of == "law"
+        how = "in law against" if law else "against"
+        lines.append(("error", f"{number(error.value, 2)}{high} {how} full physics; {error.kind}"))
+        if law:
+            lines.append(("", OTHER_NOISE))
     full, camera = (result.metrics.get(name) for name in ("full_physics", "camera"))
     if full is not None and full.value is not None:
         text = f"{elapsed(full.value)} predicted for the camera"

@@ -13,6 +13,7 @@ import typer
 
 from cosim.run.shown import make_progress
 from scenarios.cli.options import (
+    Draws,
     Resume,
     ScenarioName,
     ScenarioOptions,
@@ -30,6 +31,7 @@ class BatchOptions(ScenarioOptions):
     """Options of a batch of runs."""
 
     tolerance: Tolerance = None
+    draws: Draws = None
     out: Annotated[
         Path | None, typer.Option(help="folder to create [the first free one in runs/]")
     ] = None
@@ -37,6 +39,12 @@ class BatchOptions(ScenarioOptions):
     workers: Workers = None
     scheduler: Scheduler = None
     json: Json = False
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Keys that are the same for all runs, as assignments."""
+        draws = () if self.draws is None else (f"draws={self.draws}",)
+        return (*(self.assignments or ()), *draws)
 
     def make(
         self, name: str, build: Callable[..., dict[str, Any]],
@@ -93,9 +101,7 @@ def sweep(
     from scenarios.studies.sweep import Sweep, read_axis, run_sweep
 
     axes = tuple(read_axis(text) for text in vary or ())
-    asked = Sweep(
-        scenario, axes, tuple(options.assignments or ()), samples, options.tolerance, options.seed
-    )
+    asked = Sweep(scenario, axes, options.given, samples, options.tolerance, options.seed)
     build = partial(run_sweep, asked, metrics=metric or ())
     options.make(f"sweep-{Path(scenario).stem}", build, _print_points)
 
@@ -151,7 +157,7 @@ def dataset(
     from scenarios.studies.dataset.build import build_dataset, order_of
 
     order = order_of(
-        source or (), camera or (), vary or (), options.assignments or (), samples, split,
+        source or (), camera or (), vary or (), options.given, samples, split,
         options.seed, options.tolerance, check,
     )  # fmt: skip
     options.make("dataset", partial(build_dataset, order), _print_items)

@@ -262,7 +262,8 @@ def _filmed(setup: CameraSetup) -> tuple[SpikeStream, dict[str, Any]]:
         "outcome": "degraded" if seen.degraded else "ok",
         "error": {
             "value": None, "kind": None, "ci": None, "tolerance": scenario.tolerance,
-            "bound": bounds.bound, "bound_kind": bounds.kind,
+            "bound": bounds.bound, "bound_kind": bounds.kind, "of": bounds.of,
+            "law": None if bounds.law is None else bounds.law.document(),
         },
         "plan": {
             "kept": list(bounds.kept),

@@ -6,18 +6,18 @@ effect and one without each effect that is left out. In all other tiles it expos
 (`samples`). The stated error is the largest that was measured; its upper limit is that of the
 patches or, if larger, the bound of the plan in the tiles that were not measured as a whole.
 
-What noise from the bank changes against a draw for each spike is measured by itself. Two cameras
-that are equal otherwise film the patches, so their rates differ by two independent noises. What can
-be measured are the mean of the difference, which is a change of the rate, and the difference of
-their variances about a third camera, which has no noise: a change of the noise. Both are averages
-over all patches and windows, with the intervals that follow from their scatter.
+Where a run takes thresholds from the bank, its spikes have other noise than those of the reference,
+and its error is one of the law. The camera that films the run then films the patches too. Its
+distributions are compared with those of the reference (`law`). What else the plan leaves out is
+measured by a camera with the draws of the reference, spike by spike; to it is added the distance of
+the law of the bank.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -30,16 +30,27 @@ from cosim.plan.error import (
     ARITHMETIC,
     BrokenPromise,
     Finding,
+    Law,
+    LawFigure,
     Measured,
     accepted_error,
     beyond,
     reinstated,
 )
-from cosim.plan.paired import CheckCamera, Paired, Span, Values, compare, worst
+from cosim.plan.paired import CheckCamera, Paired, Span, Values, Words, compare, worst
 from cosim.plan.planner import ESTIMATE_WEIGHT, left_out_rows
 from cosim.plan.tiles import TILE, PatchPlane
 from cosim.run.result import Error
 from cosim.stage import Block
+from sensor.latched.bounds import law_of_plan
+from sensor.latched.check.law import (
+    DOUBT,
+    BankChange,
+    Intervals,
+    Spread,
+    bank_change,
+    law_change,
+)
 from sensor.latched.check.samples import TileSamples
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
@@ -47,66 +58,12 @@ from sensor.latched.planning import CameraPlan
 from sensor.latched.setting import CameraSetting
 from sensor.latched.tiers import Tier
 
-_DOUBT: Final = 1e-6
-"""Chance that an interval does not include the true change. A run beyond it is repeated without the
-bank, which must not happen by chance."""
+_WINDOWS: Final = 8
+"""Windows over which the variance of rates is taken, evenly spaced; those of the images are few."""
 _SAMPLES: Final = "samples/"
 """Prefix of the state of the samples."""
-
-
-@dataclass(frozen=True)
-class BankChange:
-    """Changes by the bank, relative to the mean rate, with half widths of their intervals.
-
-    Attributes:
-        rate, rate_width: mean change of the rate.
-        noise, noise_width: change of the standard deviation of a rate.
-    """
-
-    rate: float
-    rate_width: float
-    noise: float
-    noise_width: float
-
-    @property
-    def value(self) -> float:
-        """The larger change."""
-        return max(abs(self.rate), abs(self.noise))
-
-    @property
-    def least(self) -> float:
-        """The larger change, less its interval; 0 where the interval includes 0."""
-        rate, noise = abs(self.rate) - self.rate_width, abs(self.noise) - self.noise_width
-        return max(rate, noise, 0.0)
-
-
-def bank_change(bank: Values, own: Values, noiseless: Values, floor: float) -> BankChange | None:
-    """The change of rates by the bank, None with fewer than two patches.
-
-    Windows may overlap, so the windows of a patch are one sample. Patches are independent.
-
-    Args:
-        bank, own, noiseless: (windows, patches, pixels) spikes a cycle, with noise from the bank,
-            with a draw for each spike, and without noise.
-        floor: spikes a cycle, least mean rate.
-    """
-    from scipy.special import stdtrit
-
-    patches = bank.shape[1]
-    if patches < 2:
-        return None
-    base = np.maximum(own.mean(axis=2, keepdims=True), max(floor, 1e-300))
-    noise, reference = (bank - noiseless) / base, (own - noiseless) / base
-    rates = (noise - reference).mean(axis=(0, 2))
-    variance, other = (each.var(axis=2).mean(axis=0) for each in (noise, reference))
-    both = (variance + other) / 2
-    # Patches differ in their noise, so each contributes its relative change.
-    sizes = math.sqrt(float(both.mean())) * (variance - other) / np.maximum(2 * both, 1e-300)
-    score = -float(stdtrit(patches - 1, _DOUBT / 2)) / math.sqrt(patches)
-    return BankChange(
-        float(rates.mean()), score * float(rates.std(ddof=1)),
-        float(sizes.mean()), score * float(sizes.std(ddof=1)),
-    )  # fmt: skip
+_INTERVALS: Final = "intervals/"
+"""Prefix of the state of latched intervals."""
 
 
 def absent_on(run: CameraPlan, plane: PatchPlane) -> list[str]:
@@ -148,15 +105,29 @@ class PlanCheck(Paired):
             cameras["all"] = PatchCamera(full, plane, "exact")
         for name in self._left_out:
             cameras[f"without {name}"] = PatchCamera(full.without([name]), plane, "exact")
+        self._of, self._law, self._bank_bound = run.of, law_of_plan(run), run.bank_bound
         self._banked = run.banked(plane)
+        self._intervals: dict[str, Intervals] = {}
         if self._banked.any():
             cameras["bank"], cameras["noiseless"] = run.bank_on_patches(plane, device)
-        super().__init__(plane, cameras, run.spans, *more)
+            counted = ("reference", "run", "bank")
+            many = len(plane.tiles)
+            self._intervals = {name: Intervals(many, plane.numbers.size) for name in counted}
+        cycles, window = run.survey.scene.cycles, run.survey.scene.window
+        self._whole, step = (0, cycles), max(cycles // _WINDOWS, window)
+        starts = range(0, cycles - window + 1, step) if self._intervals else ()
+        self._apart = [(start, start + window) for start in starts]
+        super().__init__(plane, cameras, run.spans, *more, also=[self._whole, *self._apart])
 
     def step(self, light: Light, block: Block) -> Light:
         if self._samples is not None:
             self._samples.step(light, block)
         return super().step(light, block)
+
+    def filmed(self, name: str, words: Words, start: int, cycles: int) -> None:
+        if name in self._intervals:
+            self._intervals[name].add(words, start, cycles)
+        super().filmed(name, words, start, cycles)
 
     def reached(self, cycle: int) -> None:
         done = [span for span in self.spans if span[1] == cycle]
@@ -202,17 +173,57 @@ class PlanCheck(Paired):
         )
         return bank_change(bank, own, noiseless, self._floor)
 
+    def _spread(self, name: str) -> Spread:
+        """What a camera has filmed on the patches that take the bank."""
+        mine = self._banked
+        rates = (self.rates(name, self._apart) - self.rates("noiseless", self._apart))[:, mine]
+        counts = self._intervals[name].counts[mine]
+        return Spread(self.rates(name, [self._whole])[0, mine], rates, counts, self.plane.columns)
+
+    def patches_law(self) -> Law | None:
+        """The error in law of the patches that take the bank: of the camera that films there,
+        against the reference. None if there are none."""
+        if not self._banked.any():
+            return None
+        return law_change(self._spread("bank"), self._spread("reference"), self._floor)
+
+    def law(self) -> Law | None:
+        """The error in law of the patches, with limits that include what is computed for all tiles
+        that take the bank. None for an error of the run."""
+        known, found = self._law, self.patches_law()
+        if known is None or found is None:
+            return known
+
+        def within(figure: LawFigure, promised: LawFigure) -> LawFigure:
+            high = max(promised.ci[1], promised.value)
+            return figure.within(high, -high)
+
+        return Law(
+            within(found.mean, known.mean), within(found.variance, known.variance),
+            found.interval_tv.within(known.interval_tv.value),
+            within(found.correlation, known.correlation),
+        )  # fmt: skip
+
     def _broken_by_bank(self) -> list[Finding]:
-        """The finding if the bank certainly changes the rates by more than its bound."""
+        """The finding if the bank certainly changes the rates by more than its bound, or if the
+        intervals or the correlation of its spikes certainly are not those of the bank."""
         change = self.bank()
-        if change is None:
+        if change is None or self._law is None:
             return []
         tiles = np.array(self.plane.tiles)[self._banked]
         promised = np.broadcast_to(self._plan.promise[OWN_DRAWS], len(self._promised))[tiles]
-        most = float(promised.max())
-        if change.least <= most:
-            return []
-        return [reinstated(OWN_DRAWS, most, change.least, int(tiles[np.argmax(promised)]))]
+        most, at = float(promised.max()), int(tiles[np.argmax(promised)])
+        if change.least > most:
+            return [reinstated(OWN_DRAWS, most, change.least, at)]
+        found = law_change(self._spread("bank"), self._spread("run"), self._floor, DOUBT)
+        apart, alike = found.interval_tv, found.correlation
+        for least, known in (
+            (apart.ci[0], self._law.interval_tv.value),
+            (max(alike.ci[0], -alike.ci[1]), self._law.correlation.value),
+        ):
+            if least > known:
+                return [reinstated(OWN_DRAWS, known, least, at)]
+        return []
 
     def patches_error(self) -> Measured:
         """The error of the patches against the reference, of rates."""
@@ -222,10 +233,17 @@ class PlanCheck(Paired):
         """The error of each patch, (windows, patches)."""
         return compare(self.rates("run"), self.rates("reference"), self._floor)[0]
 
+    def _stated(self) -> Measured:
+        """The error of the patches. In law, the draws of both cameras were paired; to this is added
+        how far the law of the bank is from that of a draw for each spike."""
+        change, apart = self.bank(), float(self._bank_bound[self.plane.tiles].max(initial=0.0))
+        return self.patches_error().in_law(apart, 0.0 if change is None else change.least)
+
     def error(self) -> Measured:
-        """The error of the run. The upper limit holds for all tiles: for those that are not patches
-        it is their bound. Where a sample exceeds it, the limit is twice the RMS of the sample."""
-        error, others = self.patches_error(), self._promised + self._end_error
+        """The error of the run, or in law. The upper limit holds for all tiles: for those that are
+        not patches it is their bound. Where a sample exceeds it, the limit is twice the RMS of the
+        sample."""
+        error, others = self._stated(), self._promised + self._end_error
         others[self.plane.tiles] = 0.0
         least = self._sampled()
         sampled = float(least.max(initial=0.0))
@@ -234,7 +252,9 @@ class PlanCheck(Paired):
             others[tiles] = np.where(
                 least > others[tiles], ESTIMATE_WEIGHT * whole * least, others[tiles]
             )
-        return error.at_least(sampled, max(sampled, float(others.max(initial=0.0))))
+        whole_run = error.at_least(sampled, max(sampled, float(others.max(initial=0.0))))
+        # Pairs prove nothing of the least distance of two laws.
+        return whole_run if self._of == "run" else replace(whole_run, low=error.low)
 
     def _sampled(self) -> Values:
         """Least error that each sampled tile can have, (tiles of the samples,)."""
@@ -257,7 +277,10 @@ class PlanCheck(Paired):
         for tier, count in self._better.items():
             if count:
                 kind += f"; {count} of {len(self._promised)} tiles have {tier}"
-        return Error(error.value, kind, (error.low, error.high), checked, self._tiles_over())
+        if self._of == "law":
+            kind += "; in law: with paired draws, and the distance of the bank's own added"
+        limits = error.low, error.high
+        return Error(error.value, kind, limits, checked, self._tiles_over(), self._of, self.law())
 
     def measured(self) -> dict[str, float]:
         """Upper limit of the change without each effect that is left out, over the patches that
@@ -277,6 +300,9 @@ class PlanCheck(Paired):
         if tolerance == 0:
             return []
         if error.high <= tolerance:
+            stated = self._stated()
+            if stated.high > tolerance:  # of the same patches, by the bank
+                return [reinstated(OWN_DRAWS, tolerance, stated.high, None)]
             return self._broken_by_bank() or self._broken_in_samples(tier)
         measured = {name: high for name, high in self.measured().items() if name != OWN_DRAWS}
         # Effects that no patch leaves out are not measured; all of them are reinstated then.
@@ -319,7 +345,7 @@ class PlanCheck(Paired):
         accepted = accepted_error(tolerance)
         if error.high <= accepted:
             return []
-        if float(np.max(self._end_error)) > accepted / 2 and self.patches_error().high <= accepted:
+        if float(np.max(self._end_error)) > accepted / 2 and self._stated().high <= accepted:
             return [
                 f"the error is {number(error.value, 2)} and may be {number(error.high, 4)}, above "
                 f"the tolerance of {number(tolerance)}: spikes may be latched across the end of "
@@ -332,13 +358,20 @@ class PlanCheck(Paired):
         state = super().state()
         if self._samples is not None:
             state |= {_SAMPLES + key: value for key, value in self._samples.state().items()}
+        for name, each in self._intervals.items():
+            state |= {f"{_INTERVALS}{name}/{key}": value for key, value in each.state().items()}
         return state
 
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        own = {k.removeprefix(_SAMPLES): v for k, v in state.items() if k.startswith(_SAMPLES)}
+        def part(prefix: str) -> dict[str, npt.NDArray[Any]]:
+            return {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
+
         if self._samples is not None:
-            self._samples.restore(own)
-        super().restore({k: v for k, v in state.items() if not k.startswith(_SAMPLES)})
+            self._samples.restore(part(_SAMPLES))
+        for name, each in self._intervals.items():
+            each.restore(part(f"{_INTERVALS}{name}/"))
+        own = _SAMPLES, _INTERVALS
+        super().restore({k: v for k, v in state.items() if not k.startswith(own)})
 
     def full_physics_s(self, pixels: int, cycles: int) -> float | None:
         """Predicted run time of the reference for `pixels` and `cycles`, s, from its time on the

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 from cosim.compute.streams import Stream
 from cosim.plan.effects import Bound, Effect, Summary
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 OWN_DRAWS: Final = "a draw for each spike"
 """Name in plans and reports."""
+Draws = Literal["each", "bank"]
+"""Source of thresholds: a draw for each spike, or the bank where the tolerance allows it."""
 SOURCE: Final = "quantiles of one random word for each spike; without it, those of a bank"
 _GROUP: Final = "noise"
 _GROWTH: Final = 0.5 * (WORD - 1) / 2

@@ -197,17 +197,17 @@ def bank_of(model: ExactModel, bits: int) -> Bank:
             f"thresholds of a bank must spread by 0 to {WIDEST:g}, not those of "
             f"{model.threshold:g} e with noise of {model.threshold_noise:g} e"
         )
-    return _bank(_plain(model), bits)
+    return _bank(plain_model(model), bits)
 
 
 def bank_distance(model: ExactModel) -> float:
     """RMS difference of a threshold from the entry of the bank in whose share of the distribution
     it lies, relative to the mean threshold. A bank of thresholds and independent draws that are
     paired in this way differ by no more."""
-    return _distance(_plain(model))
+    return _distance(plain_model(model))
 
 
-def _plain(model: ExactModel) -> ExactModel:
+def plain_model(model: ExactModel) -> ExactModel:
     """A model without what does not change its thresholds."""
     noise = tuple(effect for effect in model.effects if effect.stream is Stream.SHOT_NOISE)
     return replace(model, seed=0, effects=noise, reset="residual", dead_time=0.0, transfers=())

@@ -20,6 +20,7 @@ import cosim.run.loop
 import scenarios.run
 from cosim import Interrupted
 from cosim.files import open_stream
+from cosim.plan.error import OTHER_NOISE
 from scenarios.assemble.schema.export import export
 from scenarios.assemble.schema.loading import load, shipped
 
@@ -144,6 +145,25 @@ def test_more_light_than_a_display_shows_is_one_line(refused):
                    "sensor.lens.f_number=1.4")  # fmt: skip
     assert line.startswith("white in front of a display must be at most a spike a cycle, not 16.4")
     assert "sensor.lens.f_number" in line
+
+
+def test_draws_are_chosen_and_the_error_is_named_by_its_kind(viform, refused, tmp_path):
+    sets = ["--set", "sensor.width=64", "--set", "sensor.height=48", "--set", "duration=2 ms"]
+    for draws, of in (("bank", "law"), ("each", "run")):
+        command = ["film", *sets, "--draws", draws]
+        error = json.loads(viform("plan", *command, "--json").out)["error"]
+        assert error["of"] == of and (error["law"] is None) == (of == "run")
+        kept = ["--report", "none", "--out", tmp_path / draws]
+        told = viform("run", *command, *kept).out
+        for text in (told, viform("plan", *command).out):
+            assert (OTHER_NOISE in text) == (of == "law")
+        assert ("(99.9 %) in law against full physics" in told) == (of == "law")
+        stated = json.loads((tmp_path / draws / "result.json").read_text())["error"]
+        assert stated["of"] == of and (stated["law"] is None) == (of == "run")
+        again = viform("run", *command, *kept, "--resume").out  # the result is read and printed
+        assert (OTHER_NOISE in again) == (of == "law")
+    assert refused("plan", "film", "--draws", "none").startswith("draws must be 'each' or 'bank'")
+    assert refused("plan", "light-link", "--draws", "each").startswith("draws must be one of ")
 
 
 def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused, clip, tmp_path):

@@ -16,7 +16,7 @@ from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.source.latched.plan import RunPlan
 from sensor import CameraSetting
 from sensor.codec.size import Sizes
-from sensor.latched.check.plan_check import BankChange
+from sensor.latched.check.law import BankChange
 from sensor.reconstruct.shots import Shot
 
 

@@ -1,10 +1,11 @@
 """Error against run time of a latched camera: every tier at a ladder of tolerances.
 
 The error of a row is the error of its plan against the reference on patches, over the image windows
-of the scenario, with common random numbers. The run time of a row is that of the camera alone: the
-minimum over consecutive blocks of the whole chip, in the middle of the run, after one block for
-warm-up. All rows share the same light, which is computed once. The evaluation of errors is not
-timed.
+of the scenario, with common random numbers. Where a plan takes thresholds from the bank, it is one
+in law (`of`): the patches have the draws of the reference, and the distance of the law of the bank
+is added. The run time of a row is that of the camera alone: the minimum over consecutive blocks of
+the whole chip, in the middle of the run, after one block for warm-up. All rows share the same
+light, which is computed once. The evaluation of errors is not timed.
 
 If the scenario has a display, the error is that of the radiance that its observer integrates,
 against the reference camera on the golden display; the run time of a row is that of the camera and
@@ -137,13 +138,17 @@ def accuracy(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
             else paired.displays.error(rung.name)
         )  # fmt: skip
         plan = rung.plan.plan
-        steps += rung.steps(error, ns, pixels * cycles, _effects(plan, own), plan.left_out)
+        apart = rung.plan.bank_bound[paired.plane.tiles]
+        steps += rung.steps(
+            error.in_law(float(apart.max())), ns, pixels * cycles, _effects(plan, own),
+            plan.left_out, rung.plan.of,
+        )  # fmt: skip
     ns, plane = paired.ns(REFERENCE) + golden, paired.plane
     own_error = reference_error(setting, plane.numbers[:DRAWS])
     everything = [effect.name for effect in setting.acting_effects] + own
     if display is not None:
         everything += [effect.name for effect in display.acting_effects]
-    best = Step.of(
+    best = Step.measured(
         REFERENCE, None, Measured(own_error, 0.0, own_error), ns, pixels * cycles, everything
     )
     n = float(np.mean(truth)) * scenario.image.window * plane.numbers.size / len(plane.tiles)
@@ -294,12 +299,13 @@ def every_tile(setup: CameraSetup, progress: Progress) -> dict[str, Any]:
     rows = []
     for tolerance, (name, each) in zip(STATED, stated.items(), strict=True):
         errors = _errors(check, name, setup.survey.scene.floor)
+        errors = errors + each.plan.bank_bound[check.plane.tiles]
         worst = int(np.argmax(errors))
         over_limit = int((errors > each.error.high).sum())
         over_tolerance = int((errors > tolerance).sum()) if tolerance > 0 else None
         rows.append({
             "tier": each.plan.tier, "tolerance": tolerance, "error": each.error.value,
-            "ci": (each.error.low, each.error.high), "outcome": each.outcome,
+            "ci": (each.error.low, each.error.high), "of": each.plan.of, "outcome": each.outcome,
             "reinstated": each.reinstated, "tiles": tiles,
             "full_physics_tiles": each.plan.full_physics, "over_limit": over_limit,
             "over_tolerance": over_tolerance, "worst_tile": check.plane.tiles[worst],

@@ -223,10 +223,9 @@ class CameraCheck(PlanCheck, DisplayCheck):
         limit = accepted_error(self._plan.tolerance)
         over = int((behind.errors("run").max(axis=0) > limit).sum())
         stated = self.result_error()
-        return Error(
-            max(error.value, whole.value), f"{stated.kind}, {what}",
-            (max(error.low, whole.low), max(error.high, whole.high * grown)),
-            stated.tiles_checked, over,
+        return replace(
+            stated, value=max(error.value, whole.value), kind=f"{stated.kind}, {what}",
+            ci=(max(error.low, whole.low), max(error.high, whole.high * grown)), tiles_over=over,
         )  # fmt: skip
 
     def measured(self) -> dict[str, float]:

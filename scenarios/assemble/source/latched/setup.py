@@ -139,7 +139,7 @@ class CameraSetup:
         """Plans the run. `choice` holds the arguments `forced` and `tier` of `plan_run`."""
         return plan_run(
             self.survey, self.setting, tolerance, self.spans, self.device, display=self.display,
-            **choice,
+            draws=self.scenario.draws, **choice,
         )  # fmt: skip
 
     def plan_keeping(self, tolerance: float, reinstated: Sequence[str]) -> RunPlan:

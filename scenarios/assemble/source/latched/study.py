@@ -18,6 +18,7 @@ from scenarios.assemble.source.latched.ladder import accuracy, every_tile
 from scenarios.assemble.source.latched.memory import check_run_memory, peak_memory
 from scenarios.assemble.source.latched.plan import RunPlan
 from scenarios.assemble.source.latched.setup import CameraSetup, set_up_camera
+from sensor.latched.bounds import law_of_plan
 from sensor.latched.effects.own_draws import OWN_DRAWS
 from sensor.latched.fine_tiles import PatchCamera
 
@@ -81,7 +82,8 @@ def forecast(name: str, setup: CameraSetup) -> dict[str, Any]:
         speeds=_measure(setup, plan, _with_every_effect(setup, plan)),
         pixel_cycles=setup.setting.chip.width * setup.setting.chip.height * setup.cycles,
         tiles=setup.survey.classes, full_physics_tiles=plan.full_physics,
-        exact_tiles=int(plan.exact.sum()), display=_display(setup, plan), **_writes(setup, plan),
+        exact_tiles=int(plan.exact.sum()), display=_display(setup, plan), law=law_of_plan(plan),
+        **_writes(setup, plan),
     )  # fmt: skip
     document["predicted"]["memory_bytes"] = peak_memory(setup, planes)
     return document

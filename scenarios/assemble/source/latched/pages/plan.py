@@ -88,8 +88,9 @@ def _bank_text(run: LatchedRun) -> str:
         return ""
     return (
         " Thresholds from the bank belong to cycles, and cannot be paired with those of the "
-        "reference. The planned camera therefore has a draw for each spike on the patches, and a "
-        "second one has the bank. The table says by how much rate and noise of the second differ, "
+        "reference. So the error of this run is one in law. On the patches one camera has the "
+        "draws of the reference, for what else is left out, and a second one films as this run "
+        "does, with the bank. The table says by how much rate and noise of the second differ, "
         "relative to the rate, on the average of all patches, and how far off that may be by "
         "chance. The bound is computed from the distributions themselves."
     )
