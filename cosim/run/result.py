@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.amounts import number
 from cosim.errors import InputError
 from cosim.files.atomic import atomic_write
 from cosim.plan.error import Law, Of
@@ -171,6 +172,21 @@ class Result:
             "throughput": [asdict(row) for row in self.throughput],
             "files": self.files,
         }
+
+
+def measured_text(row: dict[str, Any]) -> str:
+    """What was measured of an effect that was left out, for people: its error, with the limits
+    where the row has them, and whether they can tell that it is within its bound."""
+    if row["measured"] is None:
+        return "not measured"
+    text = "no change found" if row["measured"] == 0 else f"{number(row['measured'], 2)} measured"
+    if row.get("ci") is None:
+        return text
+    low, high = row["ci"]
+    text += f", {number(low, 2)} to {number(high, 2)} (99.9 %)"
+    if low > row["bound"]:
+        return f"{text}: above the bound"
+    return f"{text}: too few trials to tell whether it holds" if high > row["bound"] else text
 
 
 def write_result(folder: Path, result: Result) -> None:

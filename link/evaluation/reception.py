@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from cosim import BLOCK, PS, SpikeStream, Viform
 from cosim.compute.opencl import Device
+from cosim.config.amounts import count
 from cosim.files.atomic import atomic_write
 from cosim.run.progress import Progress
 from cosim.run.result import dumps
@@ -72,13 +73,25 @@ def judge_delivery(setup: FileSetup, received: Received) -> tuple[Verdict, bool]
     if setup.shortened:
         text = f"{received.verdict.text}; {setup.shortened_message()}"
         return Verdict(received.verdict.cause, text), False
-    if not setup.sent.sent_whole and received.verdict.cause in (Cause.TRUNCATED, Cause.NOISY):
-        text = (
-            f"the run's duration has room for {setup.sent.symbols} symbols, which do not hold the "
-            f"file's {len(setup.payload.data):,} bytes; lengthen duration or leave it out"
-        )
-        return Verdict(Cause.TOO_LARGE, text), False
+    if not setup.sent.sent_whole:
+        return _too_large(setup, received), False
     return received.verdict, False
+
+
+def _too_large(setup: FileSetup, received: Received) -> Verdict:
+    """The verdict on a transmission that no receiver could have read the file from. Where nothing
+    arrived for another reason, that comes first."""
+    outbox, seen = setup.sent.outbox, received.verdict
+    text = (
+        f"the run's duration has room for {count(outbox.frames_by(setup.sent.groups))} frames, and "
+        f"the file's {count(len(setup.payload.data))} bytes need {count(outbox.frames_needed)}; "
+        "lengthen duration or leave it out"
+    )
+    if seen.cause in (Cause.TRUNCATED, Cause.NOISY):
+        return Verdict(Cause.TOO_LARGE, text)
+    if received.frames_right:
+        return Verdict(Cause.TOO_LARGE, f"{text}; besides, {seen.cause.value}: {seen.text}")
+    return Verdict(seen.cause, f"{seen.text}; besides, {text}")
 
 
 def write_delivery(

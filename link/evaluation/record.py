@@ -14,7 +14,7 @@ from link.evaluation.errors import Errors
 from link.evaluation.eye import Eye
 from link.layout import Layout
 from link.mode import Mode
-from link.plan.check import LinkCheck
+from link.plan.check import LinkCheck, left_out_documents
 from link.plan.planned import PlannedLink
 from link.prediction.error_bound import CellScene
 from link.prediction.rates import Rates
@@ -138,7 +138,7 @@ class LinkEvaluation:
     @property
     def left_out(self) -> list[dict[str, Any]]:
         """Rows of `result.json` for the effects that were left out."""
-        return self.link.plan.documents(self.check.measured)
+        return left_out_documents(self.link.plan, self.check)
 
     @property
     def verdict_line(self) -> str:

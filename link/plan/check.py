@@ -34,6 +34,7 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.error import CONFIDENCE, Measured
+from cosim.plan.planner import left_out_rows
 from cosim.run.progress import Progress
 from cosim.run.result import Error
 from link.mode import Mode
@@ -281,6 +282,18 @@ class LinkCheck:
             "counted": None if paired is None else list(astuple(paired.counted)[:3]),
             "goodput_change": self.goodput, "patches": self.patches,
         }  # fmt: skip
+
+
+def left_out_documents(plan: LinkPlan, check: LinkCheck | None) -> list[dict[str, Any]]:
+    """Effects that a plan leaves out, for `result.json`, with the measured error without each, and
+    its 99.9 % limits `ci`, null where it was not measured."""
+    alone = {} if check is None else check.alone
+    errors = {name: None if found is None else found.error for name, found in alone.items()}
+    rows = left_out_rows(plan.plan.absent, {} if check is None else check.measured)
+    for row in rows:
+        error = errors.get(row["effect"])
+        row["ci"] = None if error is None else (error.low, error.high)
+    return rows
 
 
 def _without(setting: LinkSetting, plan: LinkPlan, name: str) -> Variant:

@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from cosim import Bound, Effect, Summary
 from cosim.compute.opencl import Device
 from cosim.plan.error import CONFIDENCE
-from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, left_out_rows, make_plan
+from cosim.plan.planner import ESTIMATE_WEIGHT, SHARE, Plan, make_plan
 from link.air import Change, LinkSummary, Scene, air_effects, ber, ber_units, link_summary
 from link.air.effects import charge_changes
 from link.layout import Layout
@@ -82,11 +82,6 @@ class LinkPlan:
         """Bound of the error of this plan over all cells, as a bit error rate."""
         unit = half_width(ber(self.scene), self.scene.bits)
         return float(np.max(self.plan.total + self.tier_bound)) * unit
-
-    def documents(self, measured: dict[str, float | None] | None = None) -> list[dict[str, Any]]:
-        """Effects that are left out, for `result.json`. measured: error without each effect, where
-        it was measured."""
-        return left_out_rows(self.plan.absent, measured or {})
 
 
 def half_width(rate: float, bits: int) -> float:

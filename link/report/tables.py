@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cosim.config.amounts import count, number
 from cosim.report.parts import table
-from cosim.run.result import Result
+from cosim.run.result import Result, measured_text
 from link.evaluation.record import LinkEvaluation
-from link.plan.check import BitErrors, LinkCheck
+from link.plan.check import LinkCheck
 from sensor.sections.provenance import fault_rows, optics_rows
 
 NOT_KNOWN = "not known"
@@ -21,14 +21,8 @@ def _number(value: float | None) -> str:
     return NOT_KNOWN if value is None else number(value, 2)
 
 
-def _row(row: dict[str, Any], alone: Mapping[str, BitErrors | None]) -> list[str]:
-    paired = alone.get(row["effect"])
-    error = None if paired is None else paired.error
-    span = "" if error is None else f" ({number(error.low, 2)} to {number(error.high, 2)})"
-    return [
-        str(row["effect"]), _number(row["bound"]), str(row["kind"]),
-        _number(row["measured"]) + span,
-    ]  # fmt: skip
+def _row(row: dict[str, Any]) -> list[str]:
+    return [str(row["effect"]), _number(row["bound"]), str(row["kind"]), measured_text(row)]
 
 
 def error_text(check: LinkCheck) -> str:
@@ -63,13 +57,11 @@ def error_text(check: LinkCheck) -> str:
     )
 
 
-def left_out_table(
-    rows: Sequence[dict[str, Any]], alone: Mapping[str, BitErrors | None]
-) -> str:  # fmt: skip
-    """Table of the effects left out. alone: measured error without each of them."""
+def left_out_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Table of the effects left out. rows: of `left_out_documents`."""
     if not rows:
         return "<p>Nothing was left out.</p>"
-    return table(["left out", "bound", "", "measured"], [_row(r, alone) for r in rows])
+    return table(["left out", "bound", "", "measured"], [_row(row) for row in rows])
 
 
 def effects_section(link: LinkEvaluation, result: Result) -> str:
@@ -79,7 +71,7 @@ def effects_section(link: LinkEvaluation, result: Result) -> str:
         "The table lists, in such half-widths, the bound of leaving an effect out, and the "
         "measured error without this effect alone, with its 99.9 % interval."
     )  # fmt: skip
-    out = left_out_table(result.left_out, link.check.alone)
+    out = left_out_table(result.left_out)
     if not result.left_out:
         head = ""
     return (

@@ -82,6 +82,16 @@ def explain_loss(
             f"{frames}, {loss}, {begun}and the transmission ends {how}; record {since}to the end, "
             "or send the file again",
         )
+    ppm = (layout.mode.ticks / session.timing.period - 1) * 1e6
+    wrong_clock = abs(ppm) > WRONG_PPM  # missing ticks bend the period too
+    silent = Verdict(
+        Cause.TRUNCATED,
+        f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
+        "the file again, with more overhead",
+    )
+    enough = needed is not None and inbox.frames_read >= needed
+    if share <= _CORRECTED and not enough and not wrong_clock:
+        return silent  # whatever the light is like, what was sent is too little
     why = f"{frames}; {loss}"
     hole = _hole(session)
     if hole >= _HOLE:
@@ -105,8 +115,6 @@ def explain_loss(
             Cause.TOO_SMALL,
             f"{why}; a cell is {cell:.2g} camera pixels wide; step nearer or send larger cells",
         )
-    ppm = (layout.mode.ticks / session.timing.period - 1) * 1e6
-    wrong_clock = abs(ppm) > WRONG_PPM  # missing ticks bend the period too
     gap = gap_text(session, ends=wrong_clock or unbroken)
     if gap is None and wrong_clock:
         return Verdict(
@@ -115,11 +123,7 @@ def explain_loss(
             "to the same frequency",
         )
     if share <= _CORRECTED:
-        return Verdict(
-            Cause.TRUNCATED,
-            f"{frames}, {loss}, and the panel sends nothing after tick {session.lit_stop}; send "
-            "the file again, with more overhead",
-        )
+        return silent
     if gap is not None:
         return Verdict(Cause.INTERRUPTED, f"{why}; {gap}")
     wrong = session.promised / max(session.symbols * layout.cells, 1)

@@ -170,6 +170,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
     effects left out."""
     from cosim.config.amounts import elapsed, number
     from cosim.plan.error import OTHER_NOISE
+    from cosim.run.result import measured_text
 
     error, lines = result.error, []
     if error.value is None:
@@ -188,8 +189,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
             text += f", which took {elapsed(camera.value)}"
         lines.append(("full physics", text))
     for n, row in enumerate(result.left_out):
-        promised, measured = number(row["bound"], 2), number(row["measured"], 2)
-        measured = "no change found" if row["measured"] == 0 else f"{measured} measured"
-        text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured}"
+        promised = number(row["bound"], 2)
+        text = f"{row['effect']}: bound {promised} ({row['kind']}), {measured_text(row)}"
         lines.append(("" if n else "left out", text))
     return lines if result.left_out else [*lines, ("left out", "nothing")]

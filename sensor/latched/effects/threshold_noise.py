@@ -22,6 +22,7 @@ from cosim.plan.effects import Bound, Summary
 from sensor.circuit.circuit import ktc_electrons
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, Sized, noise_cost
 from sensor.latched.effects.windows import bound_of, noise_error, shift_error
+from sensor.latched.pixel.model import NOISIEST
 
 _ZERO_CELSIUS: Final = 273.15
 """Kelvin at 0 degC."""
@@ -59,18 +60,19 @@ class _ThresholdNoise(PixelEffect):
         if section.capacitance is not None:
             ktc = ktc_electrons(section.capacitance * 1e-15, operation.celsius + _ZERO_CELSIUS)
         noise = math.hypot(section.threshold_noise, ktc)
-        if ktc >= threshold:
+        if ktc >= threshold:  # it stays below NOISIEST by the ranges of the keys
             largest = at_most(section.capacitance * (threshold / ktc) ** 2, 3)
             raise InputError(
                 "sensor.capacitance",
                 f"at most {largest} fF, so that its kTC noise is within the threshold, "
                 f"{threshold:g} e", f"{section.capacitance:g} fF", "lower it",
             )  # fmt: skip
-        if noise > threshold:
+        if noise > min(threshold, NOISIEST):
+            limit = "the threshold" if threshold <= NOISIEST else f"{NOISIEST:g} e"
             less = f" less the kTC noise of {ktc:g} e" if ktc else ""
-            most = at_most(math.sqrt(threshold**2 - ktc**2))
+            most = at_most(math.sqrt(min(threshold, NOISIEST) ** 2 - ktc**2))
             raise InputError(
-                "sensor.threshold_noise", f"at most the threshold{less}, {most} e",
+                "sensor.threshold_noise", f"at most {limit}{less}, {most} e",
                 f"{section.threshold_noise:g} e", "lower it",
             )  # fmt: skip
         return {"threshold_noise": noise}

@@ -30,7 +30,8 @@ def look_up(table, word):  # type: ignore[no-untyped-def]
     index = upper * KNOTS + (exponent << MANTISSA_BITS) + mantissa
     fraction = ((y - (mantissa << exponent)) << 16) >> exponent
     low = table[index]
-    return low + (((table[min(index + 1, table.size - 1)] - low) * fraction) >> 16)
+    step = table[min(index + 1, table.size - 1)] - low  # see `interval.threshold`
+    return low + (step >> 16) * fraction + (((step & 0xFFFF) * fraction) >> 16)
 
 
 @njit(cache=True, nogil=True)

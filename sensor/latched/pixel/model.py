@@ -28,6 +28,9 @@ ROOM: Final = 4
 """Excess charge, in thresholds, above which whole thresholds are subtracted without draws."""
 JUMP: Final = 2
 """Thresholds of that excess that are still drawn one by one."""
+NOISIEST: Final = LARGEST / 64
+"""Largest threshold noise, electrons: draws stay far within int64, and steps of a table below 2^48
+units."""
 DEEPEST: Final = -(1 << 61)
 """Lowest deficit under `subtract`: 2^21 electrons beyond a threshold."""
 
@@ -83,7 +86,7 @@ class ExactModel:
             raise ValueError(
                 f"threshold must be above 0 and below {LARGEST} e, not {self.threshold:g} e"
             )
-        most = min(self.threshold, LARGEST / 64)
+        most = min(self.threshold, NOISIEST)
         if not 0 <= self.threshold_noise <= most:
             raise ValueError(
                 f"threshold noise must be 0 to {most:g} e, not {self.threshold_noise:g} e"

@@ -48,7 +48,9 @@ inline long16 threshold(const uint16 word, __global const long *table)
     const uint16 fraction = ((y - (mantissa << exponent)) << ((32 - exponent) & 31)) >> 16;
     PAIR(0) PAIR(1) PAIR(2) PAIR(3) PAIR(4) PAIR(5) PAIR(6) PAIR(7)
     PAIR(8) PAIR(9) PAIR(a) PAIR(b) PAIR(c) PAIR(d) PAIR(e) PAIR(f)
-    return SIXTEEN(x) + ((SIXTEEN(y) * convert_long16(fraction)) >> 16);
+    // The step times the fraction, over 2^16, in two parts: together they can exceed 63 bits.
+    const long16 step = SIXTEEN(y), share = convert_long16(fraction);
+    return SIXTEEN(x) + (step >> 16) * share + (((step & 0xffff) * share) >> 16);
 }
 
 // Threshold of spike k alone, for the rare second spike in a cycle.

@@ -12,11 +12,18 @@ from cosim import InputError
 from cosim.compute.opencl import Device
 from cosim.plan.planner import SHARE
 from cosim.run.progress import QuietProgress
+from cosim.run.result import measured_text
 from link.air import Scene
 from link.air.effects import charge_changes
 from link.layout import TRAINING
 from link.mode import Mode
-from link.plan.check import LinkCheck, check_link, compare, goodput_change
+from link.plan.check import (
+    LinkCheck,
+    check_link,
+    compare,
+    goodput_change,
+    left_out_documents,
+)
 from link.plan.patches import LinkPatches, Variant
 from link.plan.plan import (
     Compared,
@@ -153,8 +160,17 @@ def test_the_plan_leaves_scintillation_out_and_keeps_what_decides(
         and plan.air_effects == plan.simulated_air
     )
     assert float(plan.plan.total.max()) + plan.tier_bound <= 0.05
-    rows = {row["effect"]: row for row in plan.documents({"scintillation": 0.5})}
-    assert rows["scintillation"]["measured"] == 0.5
+    none = np.zeros(1000, np.bool_)
+    one = none.copy()
+    one[3] = True
+    found = compare(none, one, 10**6)
+    check = LinkCheck(found, {"scintillation": found}, None, 1, None)
+    rows = {row["effect"]: row for row in left_out_documents(plan, check)}
+    error = found.error
+    assert rows["scintillation"]["measured"] == error.value
+    assert rows["scintillation"]["ci"] == (error.low, error.high)
+    assert measured_text(rows["scintillation"]).endswith("too few trials to tell whether it holds")
+    assert {row["ci"] for row in left_out_documents(plan, None)} == {None}
     assert 0 < rows["scintillation"]["bound"] < 0.05
     # What a closed form that is not the receiver's makes of a bound is no proof.
     kinds = {row.kind for row in plan.plan.rows if row.effect != "random initial charge"}

@@ -252,6 +252,20 @@ def _receive_shown(planes: np.ndarray) -> Received:
 
 
 @pytest.mark.slow
+def test_a_transmission_of_too_few_frames_is_told_so_however_small_its_cells() -> None:
+    """All of it arrives, in cells of a camera pixel."""
+    mode = Mode(160, 160, 1, 2, "8b10b", 32)
+    sent = FileTransmission(mode, DATA * 11, "a.bin", most_symbols=TRAINING + 20)
+    planes = unpack_planes(sent.words(0, sent.planes), 0, sent.planes).astype(np.bool_)
+    receiver = Receiver((mode.height, mode.width))
+    dark = np.zeros((40, *planes.shape[1:]), np.bool_)
+    receiver.step(Viform.from_planes(np.concatenate([planes, dark]), CLOCK))
+    got = receiver.finish()
+    assert got.codewords_wrong == 0 < got.frames_right == got.frames_read < (got.frames_needed or 0)
+    assert got.verdict.cause is Cause.TRUNCATED, got.verdict
+
+
+@pytest.mark.slow
 def test_a_recording_that_begins_too_late_is_told_so() -> None:
     verdict = _receive_shown(_shown(DATA * 11)[110:]).verdict
     assert verdict.cause is Cause.TRUNCATED

@@ -27,6 +27,12 @@ CASES = {
          "sensor.threshold_noise=90 e"),
         r"at most the threshold less the kTC noise of \S+ e, (?P<value>\S+ e)",
         "sensor.threshold_noise"),
+    "threshold noise with that of a hot capacitance": (
+        ("step", "sensor.threshold=2e6 e", "scene.illuminance=1e6 lux",
+         "sensor.capacitance=1e6 fF", "sensor.pattern.temperature=150 degC",
+         "sensor.threshold_noise=30000 e"),
+        r"at most 32768 e less the kTC noise of \S+ e, (?P<value>\S+ e)",
+        "sensor.threshold_noise"),
     "a capacitance": (
         ("step", "sensor.capacitance=1e6 fF"),
         r"sensor\.capacitance must be at most (?P<value>\S+ fF)", "sensor.capacitance"),

@@ -52,7 +52,8 @@ def scene(camera: CameraSetting, low: object, high: object, planes: float = 0.1)
 
 
 @pytest.mark.parametrize(
-    ("q", "sigma"), [(10.0, 0.0), (1000.0, 0.0), (20_000.0, 0.0), (1000.0, 5.8), (200.0, 20.0)]
+    ("q", "sigma"),
+    [(10.0, 0.0), (1000.0, 0.0), (20_000.0, 0.0), (1000.0, 5.8), (200.0, 20.0), (2e6, 3e4)],
 )
 def test_the_table_of_thresholds_errs_as_stated(q: float, sigma: float) -> None:
     words = np.random.default_rng(1).integers(0, 2**32, 500_000, dtype=np.uint32)

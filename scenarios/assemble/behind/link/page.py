@@ -11,6 +11,7 @@ from cosim.report.figures import sheet_figure
 from cosim.report.parts import plot, table
 from cosim.report.png import for_display
 from cosim.run.machine import Page, Run
+from link.plan.check import left_out_documents
 from link.report.tables import left_out_table
 from scenarios.assemble.behind.link.judged import StreamLinkOutcome
 from scenarios.assemble.behind.link.rates import rates_figure
@@ -135,8 +136,7 @@ def _time(run: Run, views: StreamLinkOutcome) -> str:
 
 def _plan(views: StreamLinkOutcome) -> str:
     planned = views.link.planned
-    alone = {} if planned.check is None else planned.check.alone
-    rows = planned.plan.documents(None if planned.check is None else planned.check.measured)
+    rows = left_out_documents(planned.plan, planned.check)
     head = (
         "<p>Changes of the bit error rate, in half-widths of the 99.9 % interval of that rate over "
         "the bits of the run, as estimated and as measured on patches, with the 99.9 % interval. "
@@ -145,6 +145,6 @@ def _plan(views: StreamLinkOutcome) -> str:
     return (
         "<h2>What the simulation of the link left out</h2>"
         + (head if rows else "")
-        + left_out_table(rows, alone)
+        + left_out_table(rows)
         + f"<p>Kept: {html.escape(', '.join(planned.plan.simulated))}.</p>"
     )

@@ -21,7 +21,7 @@ from cosim.run.progress import Progress
 from cosim.stage import BLOCK
 from display.probes.setup import ProbeCamera
 from link.air import ber
-from link.plan.check import goodput_change
+from link.plan.check import goodput_change, left_out_documents
 from link.plan.plan import LinkPlan
 from link.plan.planned import PlannedLink, check_plan, plan_link
 from link.receiving.packets import PacketReceiver
@@ -226,8 +226,7 @@ class StreamLink:
     @property
     def left_out(self) -> list[dict[str, Any]]:
         """Rows of `result.json` for the effects of the link that are left out."""
-        check = self.planned.check
-        rows = self.planned.plan.documents(None if check is None else check.measured)
+        rows = left_out_documents(self.planned.plan, self.planned.check)
         return [row | {"effect": _PREFIX + row["effect"]} for row in rows]
 
     def check(self, progress: Progress) -> list[Finding]:

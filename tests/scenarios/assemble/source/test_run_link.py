@@ -14,6 +14,7 @@ import pytest
 from scipy.stats import chi2
 
 from cosim import InputError
+from cosim.config.amounts import count
 from cosim.run.machine import Options
 from cosim.run.result import Metric, Result
 from cosim.run.shown import SilentProgress
@@ -216,6 +217,18 @@ def test_what_no_mode_is_foreseen_to_carry_is_filmed_for_a_short_stretch_alone()
     received = SimpleNamespace(delivered=None, verdict=Verdict(Cause.NOISY, "seen"))
     assert judge_delivery(cut, received) == (Verdict(Cause.NOISY, f"seen; {told}"), False)
     assert judge_delivery(timed, received)[0].cause is Cause.TOO_LARGE
+    # What was sent could not have been enough: that comes before what else is wrong.
+    some = SimpleNamespace(delivered=None, verdict=Verdict(Cause.TOO_SMALL, "seen"), frames_right=3)
+    verdict, _ = judge_delivery(timed, some)
+    sent, needed = (timed.sent.outbox.frames_by(timed.sent.groups), timed.sent.outbox.frames_needed)
+    assert verdict.cause is Cause.TOO_LARGE
+    assert f"room for {sent} frames, and the file's" in verdict.text
+    assert (
+        f" bytes need {count(needed)}; lengthen duration or leave it out; besides, the panel's "
+        in verdict.text
+    )
+    nothing = SimpleNamespace(**vars(some) | {"frames_right": 0})
+    assert judge_delivery(timed, nothing)[0].cause is Cause.TOO_SMALL
 
 
 def test_what_cannot_arrive_is_filmed_for_a_short_stretch_alone():
@@ -260,7 +273,7 @@ def test_the_verdict_is_printed_first_and_the_unknown_in_one_line(capsys):
         "outcome failed", "verdict the panel is out of view: aim", "raw_bps 5 bit/s",
         "unknown ber, fer", "error unknown",
         "left out a: bound 0.5 (proof), 0.25 measured",
-        "b: bound 0.5 (estimate), unknown measured",
+        "b: bound 0.5 (estimate), not measured",
         "run time 2 s for 500 ms of light", f"report {Path('runs') / 'report.html'}",
     ]  # fmt: skip
     print_result(result, Path("runs"), [], [], False)

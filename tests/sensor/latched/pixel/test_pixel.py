@@ -55,13 +55,16 @@ def test_first_draws_of_many_pixels_are_those_of_few(
 
 @pytest.mark.parametrize("ramp", [False, True])
 @pytest.mark.parametrize("effects", [NOISELESS, ALL], ids=["noiseless", "all"])
-@pytest.mark.parametrize("threshold", [1.0, 2.5, 100.0, 1000.0, 30000.0, 2e6])
+@pytest.mark.parametrize(
+    ("threshold", "noise"),
+    [(1.0, 0.0), (2.5, 0.0), (100.0, 0.0), (1000.0, 0.0), (30000.0, 0.0), (2e6, 0.0), (2e6, 3e4)],
+)
 def test_the_three_forms_agree_with_plain_numpy_on_every_bit(
-    device: Device, threshold: float, effects: tuple, ramp: bool
+    device: Device, threshold: float, noise: float, effects: tuple, ramp: bool
 ) -> None:
     n, cycles = 1003, 150  # neither whole work-items nor whole words
     pixels = np.random.default_rng(1).integers(0, 2**32, n, dtype=np.uint32)
-    model = ExactModel(threshold, 7, effects)
+    model = ExactModel(threshold, 7, effects, threshold_noise=noise)
     charge, slope = light(n, threshold, cycles, ramp, 2)
     plain = NumpyPixels(model, pixels)
     expected = plain.expose([Span(0, cycles, charge, slope)], cycles)
