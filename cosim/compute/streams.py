@@ -23,7 +23,7 @@ class Stream(IntEnum):
     CHARGE = 4
     """Latched pixels: electrons of readings below threshold."""
     ROW_TIMING = 5
-    """Sampling instants of rows."""
+    """Sampling instants of pixels in a band of rows."""
     DRIFT = 6
     """Gain that all pixels have in common."""
     CALL = 7

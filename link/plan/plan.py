@@ -131,7 +131,7 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
 
 
 def _moved(camera: CameraSetting) -> float:
-    """Largest RMS of the sampling instants of a row, cycles."""
+    """Largest RMS of the sampling instants of a pixel, cycles."""
     noise = camera.row_timing
     return 0.0 if noise is None else math.hypot(noise.jitter, noise.slow)
 

@@ -76,10 +76,7 @@ def _dead_shift(
     2/3. As more spikes fall into the brighter part of a cycle, too little is lost on average: d
     times the variance of the light within the cycle, s^2 / 12 to s^2 / 4. With S the limit of s,
     and V the sum of all changes, the sum of s^2 over n cycles is at most n S^2 and V S. If V is not
-    known, _SWEEPS changes by the whole range are assumed in the run. In the exact tier noise t of
-    the sampling instants makes the cycle of a spike longer or shorter, RMS sqrt(2) t, and the light
-    that it loses with it. As more spikes fall into longer cycles, a spike on average loses too much
-    by 2 t^2 of it.
+    known, _SWEEPS changes by the whole range are assumed in the run.
 
     Under the other reset rules dead time begins at the latch, and a spike loses light of the next
     cycle: up to d s more or less. This is a limit rather than an expected size, and counts once.
@@ -100,11 +97,7 @@ def _dead_shift(
     off = _JUMP if model.reset == "residual" else 1.0
     lost = off * np.sqrt(spikes * squares) + squares / 4
     lost = model.dead_time * np.maximum(high, 1) * lost
-    timing = 0.0 if tier == "fast" else np.asarray(scene.timing)
-    walk = np.sqrt(2 * spikes * cycles) * timing + 2 * spikes * cycles * timing**2
-    return (
-        rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0) + walk * model.dead_time * high
-    )
+    return rounding + np.where(np.asarray(scene.planes) > 0, lost, 0.0)
 
 
 def _reaching(scene: Summary) -> Values:

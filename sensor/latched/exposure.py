@@ -3,13 +3,14 @@
 Within a piece, light is linear in time, and the charge changes by the same amount in each cycle; so
 two arrays describe a whole piece. A cycle in which pieces meet receives the sum of its parts. If
 rows are sampled at different instants, they reach the end of a piece in different cycles, and these
-cycles are summed row by row; so is every cycle if the instants have noise. The arrays belong to the
-piece and not to the block, so every cycle gets the same integers however a run is split.
+cycles are summed row by row; so is every cycle if a steered clock moves the instants. The arrays
+belong to the piece and not to the block, so every cycle gets the same integers however a run is
+split.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,8 +20,8 @@ import numpy.typing as npt
 from cosim.clock import PS, Clock
 from cosim.light.light import Box, Light, Piece, Plane
 from sensor.device.pattern import FixedPattern
-from sensor.latched.pixel.charge import LARGEST, ONE, Charge, Span, to_fixed
-from sensor.latched.sampling import RowMoves
+from sensor.latched.pixel.charge import LARGEST, ONE, Charge, Span, Transfer, to_fixed, transferred
+from sensor.latched.sampling import PixelTiming, RowMoves
 
 _SHRINK = 1 - 2.0**-50
 """Factor of a slope. Products of int64 and a float64 share lose the last bits of very large
@@ -62,7 +63,9 @@ class Exposure:
         gain: photoelectrons a second per unit of light.
         pattern: fixed pattern of these pixels, None if all are nominal.
         offsets: (H,) int64, ps from a clock edge to the sampling instant of each row; None for 0.
-        timing: noise of these instants, None for none.
+        moves: moves of these instants, None for none.
+        timing: timing noise of the pixels, None for none.
+        transfers: maps of a cycle's charge that the pixels apply, for the charge of that noise.
     """
 
     def __init__(
@@ -71,12 +74,15 @@ class Exposure:
         gain: float,
         pattern: FixedPattern | None = None,
         offsets: npt.NDArray[np.int64] | None = None,
-        timing: RowMoves | None = None,
+        moves: RowMoves | None = None,
+        timing: PixelTiming | None = None,
+        transfers: Sequence[Transfer] = (),
     ) -> None:
         self._clock = clock
         self._per_cycle = gain * float(clock.period)
         self._offsets = np.zeros(1, np.int64) if offsets is None else offsets
-        self._timing, most = timing, 0 if timing is None else timing.most
+        self._moves, most = moves, 0 if moves is None else moves.most
+        self._timing, self._transfers = timing, tuple(transfers)
         self._earliest = int(self._offsets.min()) - most
         self._latest = int(self._offsets.max()) + most
         self._pattern = (
@@ -178,12 +184,12 @@ class Exposure:
         self, cycle: int, first: int, stop: int
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Offsets of rows `first` to `stop` at the begin and the end of a cycle, columns."""
-        rows, timing = self._rows(first, stop), self._timing
-        if timing is None:
+        rows, moving = self._rows(first, stop), self._moves
+        if moving is None:
             return rows, rows
         both = np.zeros((2, stop - first), np.int64)
-        y0, y1 = max(first, timing.first), min(stop, timing.stop)
-        moves = timing.moves(cycle, 2)[:, y0 - timing.first : y1 - timing.first]
+        y0, y1 = max(first, moving.first), min(stop, moving.stop)
+        moves = moving.moves(cycle, 2)[:, y0 - moving.first : y1 - moving.first]
         both[:, y0 - first : y1 - first] = moves
         return rows + both[0][:, None], rows + both[1][:, None]
 
@@ -203,8 +209,8 @@ class Exposure:
             return self._level(light.pieces[0].first, light.pieces[0])
         base = self._level(met[0].first, met[0])
         box = _changing(met)
-        if self._timing is not None:
-            band = (self._timing.first, self._timing.stop, 0, light.shape[1])
+        if self._moves is not None:
+            band = (self._moves.first, self._moves.stop, 0, light.shape[1])
             box = band if box is None else _around([box, band])
         if box is None:
             return base
@@ -326,14 +332,30 @@ class Exposure:
         while c < stop:
             begin, end = clock.edge(c) + self._earliest, clock.edge(c + 1) + self._latest
             piece = next(p for p in light.pieces if p.stop > begin)
-            if self._timing is not None or begin < piece.start or end > piece.stop:
-                yield Span(c - start, 1, self._meeting(light, c))
+            if self._moves is not None or begin < piece.start or end > piece.stop:
+                spans = [Span(c - start, 1, self._meeting(light, c))]
                 c += 1
-                continue
-            course = self._course(piece)
-            until = min(course.stop, stop)
-            yield Span(c - start, until - c, course.charge, course.slope, c - course.origin)
-            c = until
+            else:
+                course = self._course(piece)
+                until = min(course.stop, stop)
+                spans = [Span(c - start, until - c, course.charge, course.slope, c - course.origin)]
+                c = until
+            yield from spans if self._timing is None else self._timed(spans[0], start, light.shape)
+
+    def _timed(self, span: Span, start: int, shape: tuple[int, int]) -> Iterator[Span]:
+        """The cycles of a span, with the charge of the timing noise. start: first cycle of the
+        call; shape: of the plane."""
+        timing = self._timing
+        assert timing is not None
+        band = slice(timing.first, timing.stop)
+        for n in range(span.cycles):
+            charge = span.charge
+            if span.slope is not None:
+                charge = charge + span.slope * (span.elapsed + n)
+            early = np.zeros(shape, np.int64)
+            noisy = transferred(self._transfers, charge.reshape(shape)[band])
+            early[band] = np.rint(noisy * timing.at(start + span.first + n + 1).astype(np.float64))
+            yield Span(span.first + n, 1, charge, advance=early.ravel())
 
 
 def _bands(first: int, stop: int, width: int) -> Iterator[tuple[int, int]]:

@@ -1,19 +1,26 @@
-"""Sampling instants of the rows: row by row, with comparator delay, moved by timing noise from
-cycle to cycle, and by a steered clock.
+"""Sampling instants of the rows: row by row, with comparator delay, and by a steered clock; and
+timing noise of the pixels in a band of rows.
 
 Timing noise: a recording of a 400 x 250 chip has a band of some 35 rows whose intervals alternate
-(6, 4): noise of the instant at which a row is sampled. It moves a spike into the neighbouring cycle
-and does not accumulate, because the pixel gathers light all the time. Row r is sampled at the end
-of cycle k at
+(6, 4): noise of the instant at which a pixel is compared. It moves a spike into the neighbouring
+cycle and does not accumulate, because the pixel gathers light all the time. It is independent from
+pixel to pixel: the counts of the band's rows vary as those of independent pixels. Pixel p of row r
+is compared at the end of cycle k at
 
-    edge + offset + b(r) (jitter x(r, k) + slow(r, k)),
+    edge + offset + m(p, k),    m = b(r) (jitter x(p, k) + slow(p, k)),
 
 x standard normal. `slow` is linear between normal values KNOT cycles apart: an interval within a
 stretch of it is longer or shorter by the share `wander`, RMS, and the next ones with it. b is a
-raised cosine over the rows.
+raised cosine over the rows. In the reference tier a pixel is latched at that instant. The other
+tiers compare the charge at the edge, and m times the charge of the cycle that it ends: the light
+between edge and instant is taken as that of the cycle. The difference is of second order in the
+change of light, and does not accumulate either.
+
+A normal number is a quantile of a 32-bit hash of pixel and cycle, one of `QUANTILES`: cheap enough
+for each pixel and cycle, and the same in every tier.
 
 A steered clock moves all rows together. The light of a longer tick is gathered for longer, since
-the pixels gather all the time: only the instants move, as with timing noise, which is added.
+the pixels gather all the time: only the instants move.
 
 Skew and delay: the row selectors read a chip row by row (EP4340384, US12581222B2). Row r therefore
 latches in cycle k the light up to edge k + 1 + skew r / H. With a comparator delay t_d, the latch
@@ -24,6 +31,7 @@ offset a row describes them completely.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, Protocol
 
 import numpy as np
@@ -33,16 +41,28 @@ from scipy.special import ndtri
 from cosim.clock import PS, Clock
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
+from sensor.latched.pixel.bank import WEYL, scrambled
 
 Values = npt.NDArray[np.float64]
 Moves = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float32]
 
 LIMIT: Final = 0.45
-"""Largest move of a sampling instant, cycles; so the instants of a row keep their order."""
+"""Largest move of a sampling instant, cycles; so the instants of a pixel keep their order."""
 KNOT: Final = 16
 """Cycles between the values of the slow part."""
-_BLOCK: Final = 64
-"""Instants that are drawn at once; a multiple of KNOT."""
+_BITS: Final = 10
+QUANTILES: Final = 1 << _BITS
+"""Normal numbers that can be drawn."""
+
+
+@cache
+def normal_quantiles() -> Floats:
+    """Middles of equal shares of a normal law, (QUANTILES,), scaled to the variance 1."""
+    values = ndtri((np.arange(QUANTILES) + 0.5) / QUANTILES)
+    found = (values / values.std()).astype(np.float32)
+    found.setflags(write=False)
+    return found
 
 
 class RowMoves(Protocol):
@@ -59,11 +79,6 @@ class RowMoves(Protocol):
     stop: int
     most: int
 
-    @property
-    def noisy(self) -> npt.NDArray[np.bool_]:
-        """Which rows from `first` to `stop` move."""
-        ...
-
     def moves(self, edge: int, count: int) -> npt.NDArray[np.int64]:
         """Moves of the sampling instants that begin cycles `edge` to `edge + count`, (count,
         stop - first) ps. That of instant 0, the begin of a run, and of all before, is 0."""
@@ -72,7 +87,7 @@ class RowMoves(Protocol):
 
 @dataclass(frozen=True)
 class RowTiming:
-    """Timing noise of the rows of a chip.
+    """Timing noise of the pixels in a band of rows.
 
     Attributes:
         jitter: RMS of the independent part at the middle of the band, cycles.
@@ -98,73 +113,78 @@ class RowTiming:
         return np.where(away < 1, np.cos(np.pi / 2 * np.minimum(away, 1)) ** 2, 0.0)
 
     def deviation(self, rows: npt.NDArray[np.int64], height: int) -> Values:
-        """RMS of the sampling instants of rows, cycles."""
+        """RMS of the sampling instants of the pixels of rows, cycles."""
         return self.profile(rows, height) * float(np.hypot(self.jitter, self.slow))
 
     def on(
-        self, rows: npt.NDArray[np.int64], height: int, clock: Clock, seed: int
-    ) -> PlaneTiming | None:
-        """The noise on a plane whose rows are these of the chip; None if none is in the band."""
+        self, numbers: npt.NDArray[np.uint32], rows: npt.NDArray[np.int64], height: int, seed: int
+    ) -> PixelTiming | None:
+        """The noise on a plane; None if no row of it is in the band.
+
+        Args:
+            numbers: (pixels,) numbers of the plane's pixels on the chip, row by row.
+            rows: (rows,) row of the chip of each row of the plane.
+            height: rows of the chip.
+            seed: seed of the run.
+        """
         noisy = np.flatnonzero(self.profile(rows, height))
         if not noisy.size:
             return None
-        return PlaneTiming(self, rows, height, clock, seed, int(noisy[0]), int(noisy[-1]) + 1)
+        first, stop = int(noisy[0]), int(noisy[-1]) + 1
+        profile = self.profile(rows[first:stop], height)[:, None]
+        mine = numbers.reshape(rows.size, -1)[first:stop]
+        deviations = (profile * (self.jitter, self.slow)).astype(np.float32)
+        return PixelTiming(first, stop, deviations, mine, seed)
 
 
-class PlaneTiming:
-    """Timing noise on the rows of a plane; see `RowMoves`."""
+class PixelTiming:
+    """Timing noise of the pixels of a plane.
+
+    Args:
+        first, stop: rows of the plane between which all that have it lie.
+        deviations: (rows, 2) float32, RMS of the independent and of the slow part at its knots of
+            these rows, cycles.
+        numbers: (rows, columns) uint32, numbers of their pixels on the chip.
+        seed: seed of the run.
+
+    Attributes:
+        columns: columns of the plane.
+        noisy: (rows,) bool, which of the rows have it.
+        key: hash of the seed, below 2^32.
+    """
 
     def __init__(
-        self,
-        noise: RowTiming,
-        rows: npt.NDArray[np.int64],
-        height: int,
-        clock: Clock,
-        seed: int,
-        first: int,
-        stop: int,
+        self, first: int, stop: int, deviations: Floats, numbers: npt.NDArray[np.uint32], seed: int
     ) -> None:
-        self.height, self.first, self.stop = rows.size, first, stop
-        self._rows = rows[first:stop].astype(np.uint32)
-        self._profile = noise.profile(rows[first:stop], height)
-        self._noise, self._seed = noise, seed
-        self._period = float(PS * clock.period)
-        self.most = int(np.ceil(LIMIT * self._period))
-        self._blocks: dict[int, npt.NDArray[np.int64]] = {}
+        self.first, self.stop, self.deviations = first, stop, deviations
+        self.columns = numbers.shape[1]
+        self.noisy = deviations.any(axis=1)
+        self.key = int(philox4x32((0, 0, 0, 0), (seed, Stream.ROW_TIMING))[0])
+        self._own = scrambled(numbers.astype(np.uint32) ^ np.uint32(self.key))
+        self._knots: dict[int, Floats] = {}
 
-    @property
-    def noisy(self) -> npt.NDArray[np.bool_]:
-        return self._profile > 0
+    def at(self, edge: int) -> Floats:
+        """Moves of the instants that end cycle edge - 1, (rows, columns) float32, cycles. That of
+        instant 0, the begin of a run, is 0."""
+        if edge <= 0:
+            return np.zeros(self._own.shape, np.float32)
+        knot, part = edge // KNOT, np.float32(edge % KNOT / KNOT)
+        low, high = self._knot(knot), self._knot(knot + 1)
+        self._knots = {n: self._knots[n] for n in (knot, knot + 1)}
+        jitter, slow = self.deviations[:, :1], self.deviations[:, 1:]
+        moved = jitter * self._normal(2 * edge) + slow * (low + (high - low) * part)
+        return np.clip(moved, np.float32(-LIMIT), np.float32(LIMIT))
 
-    def moves(self, edge: int, count: int) -> npt.NDArray[np.int64]:
-        first, last = edge // _BLOCK, (edge + count - 1) // _BLOCK + 1
-        missing = [n for n in range(first, last) if n not in self._blocks]
-        if missing:  # all at once, with few calls of numpy
-            drawn = self._drawn(missing[0], missing[-1] + 1)
-            blocks = drawn.reshape(-1, _BLOCK, self._rows.size)
-            self._blocks |= {missing[0] + n: block for n, block in enumerate(blocks)}
-        moves = np.concatenate([self._blocks[n] for n in range(first, last)])
-        self._blocks = dict(list(self._blocks.items())[-4:])
-        begin = edge - first * _BLOCK
-        return moves[begin : begin + count]
+    def _knot(self, knot: int) -> Floats:
+        if knot not in self._knots:
+            self._knots[knot] = self._normal(2 * knot + 1)
+        return self._knots[knot]
 
-    def _drawn(self, first: int, stop: int) -> npt.NDArray[np.int64]:
-        """Moves of the instants of blocks, (instants, rows) ps."""
-        edges = np.arange(first * _BLOCK, stop * _BLOCK)
-        knots = np.arange(edges[0] // KNOT, edges[-1] // KNOT + 2)
-        ends, part = self._normal(knots, 1), (edges % KNOT / KNOT)[:, None]
-        at = edges // KNOT - knots[0]
-        slow = ends[at] * (1 - part) + ends[at + 1] * part
-        moved = self._noise.jitter * self._normal(edges, 0) + self._noise.slow * slow
-        moved = np.clip(moved * self._profile, -LIMIT, LIMIT)
-        moved[edges <= 0] = 0.0
-        return np.rint(moved * self._period).astype(np.int64)
-
-    def _normal(self, index: npt.NDArray[np.int64], part: int) -> Values:
-        """Normal numbers, (indices, rows)."""
-        counter = (self._rows[None, :], index.astype(np.uint64)[:, None] % 2**32, part, 0)
-        words = philox4x32(counter, (self._seed, Stream.ROW_TIMING))[0]
-        return np.asarray(ndtri((words.astype(np.float64) + 0.5) / 2.0**32))
+    def _normal(self, draw: int) -> Floats:
+        """Normal numbers of the pixels, (rows, columns), of a draw's number."""
+        with np.errstate(over="ignore"):
+            word = scrambled(np.array([draw % 2**32], np.uint32) * np.uint32(WEYL))
+        return normal_quantiles()[scrambled(self._own ^ word) >> np.uint32(32 - _BITS)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,29 +211,20 @@ class ClockMoves:
         """Moves of edges `edge` to `edge + count`, (count,)."""
         return self.ps[np.clip(np.arange(edge, edge + count), 0, self.ps.size - 1)]
 
-    def on(self, rows: int, noise: RowMoves | None) -> RowMoves:
-        """Moves on a plane of `rows` rows, those of timing noise included."""
-        return _Steered(self, rows, noise)
+    def on(self, rows: int) -> RowMoves:
+        """Moves on a plane of `rows` rows."""
+        return _Steered(self, rows)
 
 
 class _Steered:
-    """Moves of a steered clock and of timing noise; see `RowMoves`."""
+    """Moves of a steered clock; see `RowMoves`."""
 
-    def __init__(self, clock: ClockMoves, rows: int, noise: RowMoves | None) -> None:
+    def __init__(self, clock: ClockMoves, rows: int) -> None:
         self.height, self.first, self.stop = rows, 0, rows
-        self.most = clock.most + (0 if noise is None else noise.most)
-        self._clock, self._noise = clock, noise
-
-    @property
-    def noisy(self) -> npt.NDArray[np.bool_]:
-        return np.ones(self.height, np.bool_)
+        self.most, self._clock = clock.most, clock
 
     def moves(self, edge: int, count: int) -> Moves:
-        moved = np.repeat(self._clock.at(edge, count)[:, None], self.height, axis=1)
-        if self._noise is not None:
-            band = slice(self._noise.first, self._noise.stop)
-            moved[:, band] += self._noise.moves(edge, count)
-        return moved
+        return np.repeat(self._clock.at(edge, count)[:, None], self.height, axis=1)
 
 
 def row_delays(clock: Clock, height: int, skew: float) -> npt.NDArray[np.float64]:

@@ -20,7 +20,7 @@ from sensor.latched.pixel.charge import ONE, Charge
 from sensor.latched.pixel.model import ExactModel, ExactPixels, PixelState
 from sensor.latched.pixel.settling import settle
 from sensor.latched.pixel.thresholds import thresholds
-from sensor.latched.sampling import RowMoves
+from sensor.latched.sampling import PixelTiming, RowMoves
 from sensor.latched.setting import CameraSetting
 from sensor.latched.written import RewrittenPixels, WrittenPixels
 
@@ -60,13 +60,15 @@ class _Exact:
         numbers: npt.NDArray[np.uint32],
         pattern: FixedPattern | None,
         offsets: npt.NDArray[np.int64] | None,
-        timing: RowMoves | None,
+        moves: RowMoves | None,
+        timing: PixelTiming | None,
         device: Device | None,
     ) -> None:
         self._model, self._numbers = setting.model, numbers
         self._exposure = Exposure(
-            setting.clock, setting.electrons_per_lux, pattern, offsets, timing
-        )
+            setting.clock, setting.electrons_per_lux, pattern, offsets, moves, timing,
+            self._model.transfers,
+        )  # fmt: skip
         self._pixels = make_pixels(self._model, numbers, device)
 
     def expose(self, light: Light, start: int, cycles: int) -> Words:
@@ -176,11 +178,10 @@ def _level_pixels(
         if row_delay.shape != (setting.chip.height,):
             raise ValueError(f"row_delay must be ({setting.chip.height},), not {row_delay.shape}")
         offsets = (0 if offsets is None else offsets) - row_delay[rows].astype(np.int64)
-    timing: RowMoves | None = None
+    moves = None if setting.clock_moves is None else setting.clock_moves.on(rows.size)
+    timing = None
     if setting.row_timing is not None:
-        timing = setting.row_timing.on(rows, setting.chip.height, setting.clock, setting.seed)
-    if setting.clock_moves is not None:
-        timing = setting.clock_moves.on(rows.size, timing)
+        timing = setting.row_timing.on(numbers, rows, setting.chip.height, setting.seed)
     if tier == "fast":
         from sensor.latched.fast import FastPixels, PixelArray
 
@@ -192,11 +193,11 @@ def _level_pixels(
     pattern = setting.fixed_pattern(numbers, lumped=lumped)
     gain, model = setting.electrons_per_lux, setting.model
     if tier == "exact":
-        return _Exact(setting, numbers, pattern, offsets, timing, device)
+        return _Exact(setting, numbers, pattern, offsets, moves, timing, device)
     if tier == "fast":
         assert device is not None
         array = PixelArray(
-            model, shape, numbers, setting.clock, gain, pattern, offsets, flags, timing
+            model, shape, numbers, setting.clock, gain, pattern, offsets, flags, moves, timing
         )
         return FastPixels(array, device)
     from sensor.latched.reference import ReferencePixels
@@ -213,5 +214,6 @@ def _level_pixels(
         groups = (flags & (BANK | NOISE)) == BANK | NOISE
         bank = bank_draws(model, numbers, shape, groups)
     return ReferencePixels(
-        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot, timing, bank
-    )
+        model, numbers, setting.clock, gain, pattern, each, setting.circuit, overshoot, moves, bank,
+        timing,
+    )  # fmt: skip

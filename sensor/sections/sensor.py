@@ -120,10 +120,15 @@ class PatternSection(_Pattern):
             if getattr(self, name) > 0 and getattr(self, needs) == 0:
                 raise InputError(
                     f"sensor.pattern.{needs}",
-                    f"above 0 with {name} = {getattr(self, name):g}, which {why}", "0 e/s",
+                    f"above 0 with {name} = {getattr(self, name):g}, which {why}", _none_of(needs),
                     f"write --set sensor.pattern.{needs}='{example}', or leave {name} out",
                 )  # fmt: skip
         return self
+
+
+def _none_of(key: str) -> str:
+    """0 of a key, as text."""
+    return "0" if key == "prnu" else "0 e/s"
 
 
 class _ChipSection(Section):
@@ -309,8 +314,8 @@ def _silicon_sizes(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_none(value: Any) -> bool:
-    """Whether a current is given as 0; a wrong one is refused on its own."""
+    """Whether a current or a spread is given as 0; a wrong one is refused on its own."""
     try:
-        return value is not None and Quantity("current").read(value) == 0
+        return value == 0 or (value is not None and Quantity("current").read(value) == 0)
     except ValueError:
         return False

@@ -138,7 +138,7 @@ class Drift:
 
 class _CommonDrift(PixelEffect):
     name = "common drift"
-    source = "a recording of a 400 x 250 chip: 12.7 times the common noise of independent pixels"
+    source = "a recording of a 400 x 250 chip: 4.31 times the common noise of independent pixels"
     stream = Stream.DRIFT
     parameters: ClassVar = {"drift": 0.0}
     keys: ClassVar = {
@@ -150,9 +150,9 @@ class _CommonDrift(PixelEffect):
                 f"{KNOT} cycles from one value to the next",
             ),
             silicon=Sized(
-                8e-4,
+                4.5e-4,
                 "assumed",
-                "the recording: with it a run has its common noise, 12.7, in the median",
+                "the recording: with it a run has its common noise, 4.31, in the median",
             ),
         )
     }

@@ -1,4 +1,5 @@
-"""Fixed pattern: PRNU, dark current and DSNU, threshold FPN, hot, dead and warm pixels.
+"""Fixed pattern: PRNU, rows and columns, dark current and DSNU, threshold FPN, hot, dead and warm
+pixels.
 
 The effects share one `DevicePattern` (sensor/device/pattern.py), the parameter `pattern` of a
 setting. Each effect has its own sizes in it. All random values of a pixel are drawn together.
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from pydantic import Field
 
 from cosim.config.quantity import Current, Share, Spread, Temperature
 from cosim.plan.effects import Bound, Summary
-from sensor.device.pattern import DevicePattern, FixedPattern, dark_current
+from sensor.device.pattern import CORRELATED, DevicePattern, FixedPattern, dark_current
 from sensor.latched.effects.effect import (
     ALL_PIXELS,
     USUAL,
@@ -39,6 +40,8 @@ _RECORDING: Final = (
     "fits the tail of a recording of a 400 x 250 chip: 57 pixels 15 % above the mean rate, the "
     "highest by 0.27 spikes a cycle"
 )
+_LINES: Final = "a recording of a 400 x 250 chip"
+_OF_PRNU: Final = Dependence("prnu", "is of its spread", "0.02")
 _NODES: Final = 201
 """Nodes of the integral over a normal variate."""
 _DEVIATIONS: Final = 4
@@ -77,7 +80,14 @@ class _PatternEffect(PixelEffect):
         device = section.pattern
         if device is None or self is not PATTERN_EFFECTS[0]:
             return {}
+        lines = device.row_fpn, device.column_fpn
+        alike = device.neighbours_in_row, device.neighbours_in_column
         pattern = DevicePattern(
+            rows=lines[0],
+            columns=lines[1],
+            along_row=alike[0],
+            along_column=alike[1],
+            width=section.own_chip.width if any((*lines, *alike)) else 0,
             prnu=device.prnu,
             dark=dark_current(device.dark_current, device.temperature),
             dsnu=device.dsnu,
@@ -127,7 +137,21 @@ class _Prnu(_PatternEffect):
             pixels=ALL_PIXELS,
             silicon=Sized(0.025, "assumed", _PATTERN),
             first=True,
-        )
+        ),
+        "neighbours_in_row": Key(
+            Annotated[float, Field(ge=0, le=CORRELATED)],
+            Field(default=0.0, description="correlation of that gain between neighbours in a row"),
+            silicon=Sized(0.33, "assumed", f"{_LINES}: 0.24 of the whole pattern"),
+            needs=_OF_PRNU,
+        ),
+        "neighbours_in_column": Key(
+            Annotated[float, Field(ge=0, le=CORRELATED)],
+            Field(
+                default=0.0, description="correlation of that gain between neighbours in a column"
+            ),
+            silicon=Sized(0.22, "assumed", f"{_LINES}: 0.16 of the whole pattern"),
+            needs=_OF_PRNU,
+        ),
     }
 
     def bound(self, setting: Setting, scene: Summary) -> Bound:
@@ -135,6 +159,40 @@ class _Prnu(_PatternEffect):
 
     def gain_spread(self, setting: Setting) -> float:
         return float(setting.pattern.prnu)
+
+
+class _Lines(_PatternEffect):
+    """Gains that the pixels of a row, and of a column, have in common."""
+
+    name = "row and column FPN"
+    source = "EMVA 1288 release 4.0: row and column non-uniformity"
+    sizes = ("rows", "columns")
+    pattern_keys: ClassVar = {
+        "row_fpn": Key(
+            Spread,
+            Field(
+                default=0.0,
+                description="spread of the light's gain that a row has in common, relative",
+            ),
+            silicon=Sized(8e-4, "assumed", f"{_LINES}: rows vary 1.85 times as independent pixels"),
+        ),
+        "column_fpn": Key(
+            Spread,
+            Field(
+                default=0.0,
+                description="spread of the light's gain that a column has in common, relative",
+            ),
+        ),
+    }
+
+    def size(self, pattern: DevicePattern) -> float:
+        return math.hypot(pattern.rows, pattern.columns)
+
+    def bound(self, setting: Setting, scene: Summary) -> Bound:
+        return _gain_bound(self.size(setting.pattern), scene)
+
+    def gain_spread(self, setting: Setting) -> float:
+        return self.size(setting.pattern)
 
 
 class _Dark(_PatternEffect):
@@ -292,6 +350,8 @@ def _excess(
     return DevicePattern(**chosen, device_seed=pattern.device_seed).at(numbers).dark
 
 
-PRNU, DARK, THRESHOLD_FPN = _Prnu(), _Dark(), _ThresholdFpn()
+PRNU, LINES, DARK, THRESHOLD_FPN = _Prnu(), _Lines(), _Dark(), _ThresholdFpn()
 DEFECTS, WARM = _Defects(), _Warm()
-PATTERN_EFFECTS: Final[tuple[_PatternEffect, ...]] = (PRNU, DARK, THRESHOLD_FPN, DEFECTS, WARM)
+PATTERN_EFFECTS: Final[tuple[_PatternEffect, ...]] = (
+    PRNU, LINES, DARK, THRESHOLD_FPN, DEFECTS, WARM
+)  # fmt: skip

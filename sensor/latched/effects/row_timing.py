@@ -1,4 +1,4 @@
-"""Timing noise of the rows of a band (see ../sampling.py)."""
+"""Timing noise of the pixels in a band of rows (see ../sampling.py)."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class _RowTiming(PixelEffect):
             Annotated[float, Field(ge=0, le=0.1)],
             Field(
                 default=0.0,
-                description="RMS of the sampling instants of the rows in the middle of a band, "
-                "cycles; independent from cycle to cycle",
+                description="timing noise, RMS, of the pixels in the middle of a band of rows, "
+                "cycles; independent from pixel to pixel and from cycle to cycle",
             ),
             silicon=Sized(0.084, "assumed", f"{_RECORDING}: excess variance 0.014 cycles^2, 2 s^2"),
         ),
@@ -38,8 +38,8 @@ class _RowTiming(PixelEffect):
             Annotated[float, Field(ge=0, le=0.01)],
             Field(
                 default=0.0,
-                description="RMS change of an interval there by slow movement of the instants, "
-                "relative",
+                description="change of an interval there, RMS, by slow movement of the instants of "
+                "each pixel, relative",
             ),
             silicon=Sized(0.008, "assumed", f"{_RECORDING}: 0.8 % an interval"),
         ),

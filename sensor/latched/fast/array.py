@@ -21,6 +21,7 @@ from sensor.latched.fast.units import (
     BANK,
     DEAD_TIME,
     DEEPEST,
+    JITTER,
     NOISE,
     NOTHING,
     RESET,
@@ -33,7 +34,7 @@ from sensor.latched.fast.units import (
 from sensor.latched.pixel.bank import LANES, Bank, bank_of, groups_of, has_bank
 from sensor.latched.pixel.charge import LARGEST
 from sensor.latched.pixel.model import ExactModel
-from sensor.latched.sampling import RowMoves
+from sensor.latched.sampling import PixelTiming, RowMoves
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,8 @@ class PixelArray:
         flags: (H, ceil(W / 16)) uint8, effects kept in each group of sixteen columns: 1 noise, 2
             dead time; 16 draws its noise from the bank. None for all effects that the model has,
             without the bank.
-        timing: noise of the sampling instants, None for none.
+        moves: moves of the sampling instants of rows, None for none.
+        timing: timing noise of the pixels, None for none.
 
     Raises:
         ValueError: `numbers`, `offsets` or `flags` do not fit the shape.
@@ -66,7 +68,8 @@ class PixelArray:
     pattern: FixedPattern | None = None
     offsets: npt.NDArray[np.int64] | None = None
     flags: npt.NDArray[np.uint8] | None = None
-    timing: RowMoves | None = None
+    moves: RowMoves | None = None
+    timing: PixelTiming | None = None
 
     def __post_init__(self) -> None:
         height, width = self.shape
@@ -77,13 +80,13 @@ class PixelArray:
         if self.flags is not None and self.flags.shape != self.groups:
             raise ValueError(f"flags must have shape {self.groups}, not {self.flags.shape}")
 
-    def seeded(self, model: ExactModel, timing: RowMoves | None) -> PixelArray:
-        """The same pixels with another seed: its model, and its noise of the sampling instants.
+    def seeded(self, model: ExactModel, timing: PixelTiming | None) -> PixelArray:
+        """The same pixels with another seed: its model, and its timing noise.
         What does not depend on the seed is shared."""
         other = replace(self, model=model, timing=timing)
         names = (
             "group_flags", "pixel_flags", "banked", "_ramps", "units", "bank", "_groups_of",
-            "deepest", "row_offsets", "gains", "_dark", "_most", "launches",
+            "deepest", "row_offsets", "gains", "_dark", "_most", "launches", "own_launches",
         )  # fmt: skip
         other.__dict__.update({n: self.__dict__[n] for n in names if n in self.__dict__})
         return other
@@ -95,16 +98,18 @@ class PixelArray:
 
     @cached_property
     def group_flags(self) -> npt.NDArray[np.uint8]:
-        """(H, groups) uint8: the requested flags that the model has, and RESET and TIMING where
-        needed."""
+        """(H, groups) uint8: the requested flags that the model has, and RESET, TIMING and
+        JITTER where needed."""
         possible = NOISE * self.model.noisy | DEAD_TIME * (self.model.dead > 0)
         requested = np.full(self.groups, 255 - BANK, np.uint8) if self.flags is None else self.flags
         rule = RESET * (self.model.reset != "residual")
         flags = np.ascontiguousarray(requested & np.uint8(possible) | np.uint8(rule))
         if has_bank(self.model):
             flags[(flags & NOISE) != 0] |= (requested & np.uint8(BANK))[(flags & NOISE) != 0]
+        if self.moves is not None:
+            flags[self.moves.first : self.moves.stop] |= np.uint8(TIMING)
         if self.timing is not None:
-            flags[self.timing.first : self.timing.stop][self.timing.noisy] |= np.uint8(TIMING)
+            flags[self.timing.first : self.timing.stop][self.timing.noisy] |= np.uint8(JITTER)
         return flags
 
     @cached_property
@@ -204,7 +209,7 @@ class PixelArray:
         """Raises ValueError if the light has another shape or does not cover the cycles."""
         if light.shape != self.shape:
             raise ValueError(f"light must fall on {self.shape} pixels, not {light.shape}")
-        check_covered(light, self.clock, self.row_offsets, start, cycles, self.timing)
+        check_covered(light, self.clock, self.row_offsets, start, cycles, self.moves)
 
     def course(self, light: Light, start: int, cycles: int) -> Course:
         """Course of the light over a call, which `check` allows."""
@@ -221,14 +226,28 @@ class PixelArray:
         """Parts of a call that differ in how much of the light changes; see `parts_of`."""
         return parts_of(light, self.clock, self.row_offsets, start, cycles)
 
-    def timed_course(self, light: Light, start: int, cycles: int) -> Course | None:
-        """Course of the light in the rows whose sampling instants have noise, for the groups with
-        the flag TIMING; None without noise."""
-        if self.timing is None:
-            return None
+    @property
+    def has_own(self) -> bool:
+        """Whether the groups with the flag TIMING or JITTER have a course of their own."""
+        return self.moves is not None or self.timing is not None
+
+    def own_course(self, light: Light, start: int, cycles: int) -> Course:
+        """Course of the light in the rows whose cycles differ, for the groups with the flag TIMING
+        or JITTER, of which there are some."""
+        rows = None
+        if self.moves is not None:
+            rows = self.moves.first, self.moves.stop
+        elif self.timing is not None:
+            rows = self.timing.first, self.timing.stop
         return course_of(
-            light, self.clock, self.row_offsets, start, cycles, self._most, self.timing, self._dark
-        )
+            light, self.clock, self.row_offsets, start, cycles, self._most, self.moves,
+            None if self.moves is None else self._dark, self._ramps, rows,
+        )  # fmt: skip
+
+    @cached_property
+    def own_launches(self) -> LaunchCache:
+        """What kernels need of the `own_course` of light."""
+        return LaunchCache(self.own_course)
 
     @cached_property
     def _dark(self) -> npt.NDArray[np.float32]:
@@ -279,5 +298,8 @@ class PixelArray:
         threshold = np.maximum(self.running(spikes), 1 / self.units.one)
         stored = 1 - (charge + 1.0) / (threshold * self.units.one)
         # After saturation the deficit is relative to the mean threshold.
-        held = np.clip(stored, 0.0 if self.model.dead == 0 else -np.inf, 1.0)
+        # A pixel with timing noise fires before or after it has reached its threshold.
+        early = (flags & JITTER) != 0
+        least = np.where(early | (self.model.dead > 0), -np.inf, 0.0)
+        held = np.clip(stored, least, np.where(early, np.inf, 1.0))
         return np.where(flags == 0, charge.view(np.uint32) / 2.0**32, held)

@@ -10,7 +10,8 @@
 #define BANK_PARAMETERS                                                                           \
     __global uint *charge, __global uint *latest, __global const uint *keys,                      \
         __global const int *bank, __global const uint *steps, const uint start,                   \
-        const float dead, const int one, const int shortest, const int over
+        const float dead, const int one, const int shortest, const int over                       \
+        MOVE_PARAMETERS
 
 #define WHOLE(rate) rounded(held(rate, LIMIT) * SCALE)
 
@@ -121,13 +122,33 @@ inline int way_of(const float16 most, const int shortest)
 #define BY_WAY(way, ONCE_LOOP, TWICE_LOOP, ANY_LOOP) ONCE_LOOP
 #endif
 
+#if FLAGS & JITTER_FLAG
+#define MOVES                                                                                     \
+    uint16 own[GROUPS];                                                                           \
+    float16 knots[GROUPS], next_knots[GROUPS];                                                    \
+    EACH                                                                                          \
+    {                                                                                             \
+        MOVES_OF(own[i], knots[i], next_knots[i], g[i], c)                                        \
+    }
+#define EARLY(i)                                                                                  \
+    const uint16 early = as_uint16(EARLY_OF(as_int16(add), own[i], knots[i], next_knots[i]));     \
+    d[i] -= early;
+#define LATE(i) d[i] += early;
+#else
+#define MOVES
+#define EARLY(i)
+#define LATE(i)
+#endif
+
 // Cycles up to `stop`, within one word of the output and one of the generator.
 #define LOOP(LIGHT, STEP)                                                                         \
     for (uint at = (start + c) & 31; c < stop; c++, at++, weight += jump) {                       \
         EACH                                                                                      \
         {                                                                                         \
             LIGHT(i)                                                                              \
+            EARLY(i)                                                                              \
             STEP(i)                                                                               \
+            LATE(i)                                                                               \
         }                                                                                         \
     }
 #define UNTIL(end) min(min(end, (c | 31) + 1), c + 32 - ((start + c) & 31))
@@ -216,6 +237,7 @@ inline void store_part(const uint16 word, const uint begun, const uint c, __glob
         STORE_WORDS(row[i], x[i])                                                                 \
     KEEP_GROUPS
 
+#if !(FLAGS & JITTER_FLAG) // whose light is a course
 __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
 {
     uint g[GROUPS], row[GROUPS], x[GROUPS], c = 0;
@@ -257,6 +279,8 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
     }
     STEADY_COURSE(BY_WAY(way, LOOP(STEADY_LIGHT, ONCE), LOOP(STEADY_LIGHT, TWICE), LOOP(STEADY_LIGHT, ANY)))
 }
+
+#endif
 
 // Light of a ramp: a whole number of units that grows by another in each cycle.
 #define RAMP_LIGHT(i)                                                                             \
@@ -377,8 +401,9 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     }
     REPORT
     GROUP_STATE
+    MOVES
     const uint at_row = rows > 1 ? row - y0 : 0;
-    const int highest = way_of(top, shortest);
+    const int highest = way_of(top * MOVED_MOST, shortest);
     if (LINEAR && !TIMED && !highest) { // below one threshold a cycle: it fits in the registers
         COURSE(if (!others || ramp) LOOP(RAMP_LIGHT, ONCE) else LOOP(SUM_LIGHT, ONCE))
         return;
@@ -388,7 +413,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     float longest = 1.0f;
     for (uint s = 0; s < n_segments; s++)
         longest = max(longest, as_float(segments[s * SEGMENT + 6 + PLANES]));
-    const int timed = LINEAR ? way_of(top * longest, shortest) : 3;
+    const int timed = LINEAR ? way_of(top * longest * MOVED_MOST, shortest) : 3;
     if (timed == 0) {
         COURSE(BY_COUNT(ONCE))
         return;
@@ -404,7 +429,7 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     for (uint p = 0; p < n_planes; p++) {
         float16 most = 0.0f;
         EACH most = most > levels[i][p] ? most : levels[i][p];
-        ways[p] = highest ? way_of(most, shortest) : 0;
+        ways[p] = highest ? way_of(most * MOVED_MOST, shortest) : 0;
         beyond[p] = 0;
         if (ways[p] == 3)
             EACH beyond[p] |= some(as_int16(EASY_CAP - levels[i][p])) << i;

@@ -6,9 +6,13 @@
 
 #ifdef DEAD_TIME
 #define LOST_OF(add, share) convert_int16(convert_float16(add) * (share))
-#define BELOW(d, add) ((d) < (add))
 #else
 #define LOST_OF(add, share) (int16)(0)
+#endif
+// Without these, a deficit is below the longest threshold.
+#if defined(DEAD_TIME) || FLAGS & JITTER_FLAG
+#define BELOW(d, add) ((d) < (add))
+#else
 #define BELOW(d, add) (int16)(-1)
 #endif
 

@@ -42,8 +42,8 @@ class Segment:
         cycles: number of cycles.
         base: (H, W) float32, light of weight 0.
         planes: (H, W) float32 each.
-        weights: (cycles, rows of the box or 1, planes) float32. With noise of the sampling instants
-            a further one: the length of a cycle without noise over that of this cycle.
+        weights: (cycles, rows of the box or 1, planes) float32. With moves of the sampling instants
+            a further one: the length of a cycle without moves over that of this cycle.
         anchors: (words, rows of the box or 1, 3) float32, weight at the anchor of each 32 cycles of
             the clock; the anchor, in cycles from the start of the call; and the number of cycles
             for which it holds, which may lie outside the call. None for no ramp.
@@ -68,8 +68,8 @@ class Course:
         box: rows and columns in which the light changes, None if it is constant everywhere.
         segments: light inside the box.
         pieces: all pieces of the call, whose planes must be checked.
-        longest: upper limit of the length of a cycle over that of one without noise, with noise of
-            the sampling instants.
+        longest: upper limit of the length of a cycle over that of one without moves of the sampling
+            instants.
     """
 
     steady: Plane
@@ -269,19 +269,19 @@ def _segments(
     return segments
 
 
-def _reach(offsets: npt.NDArray[np.int64], timing: RowMoves | None) -> tuple[int, int]:
-    """Earliest and latest instant of a row from an edge, ps, with the noise of the instants."""
+def _reach(offsets: npt.NDArray[np.int64], moves: RowMoves | None) -> tuple[int, int]:
+    """Earliest and latest instant of a row from an edge, ps, with their moves."""
     earliest, latest = _ends_of(offsets)
-    slack = 0 if timing is None else timing.most
+    slack = 0 if moves is None else moves.most
     return earliest - slack, latest + slack
 
 
 def check_covered(
     light: Light, clock: Clock, offsets: npt.NDArray[np.int64], start: int, cycles: int,
-    timing: RowMoves | None = None,
+    moves: RowMoves | None = None,
 ) -> None:  # fmt: skip
     """Raises ValueError if the light does not cover the cycles; arguments: see `course_of`."""
-    earliest, latest = _reach(offsets, timing)
+    earliest, latest = _reach(offsets, moves)
     begin, end = max(clock.edge(start) + earliest, 0), clock.edge(start + cycles) + latest
     if light.pieces[0].start > begin or light.pieces[-1].stop < end:
         raise ValueError(
@@ -297,15 +297,15 @@ def course_of(
     start: int,
     cycles: int,
     most: Any = np.inf,
-    timing: RowMoves | None = None,
+    moves: RowMoves | None = None,
     dark: Plane | None = None,
     anchored: bool = False,
+    band: tuple[int, int] | None = None,
 ) -> Course:
     """The course of light over cycles `start` to `start + cycles` of a clock.
 
-    With noise of the sampling instants, the box is the band of the rows that have it. A cycle that
-    is longer by the share s has the light of a cycle, less -s of it: a plane that gathers nothing
-    has the weight -s.
+    With moves of the sampling instants, a cycle that is longer by the share s has the light of a
+    cycle, less -s of it: a plane that gathers nothing has the weight -s.
 
     Args:
         light: light on the pixels.
@@ -314,25 +314,27 @@ def course_of(
         start: first cycle.
         cycles: number of cycles.
         most: upper limit of the light, one or (H, W).
-        timing, dark: noise of the sampling instants, and a plane that gathers nothing; None for
+        moves, dark: moves of the sampling instants, and a plane that gathers nothing; None for
             none.
         anchored: whether segments get anchors.
+        band: rows (first, stop) that are the box whether or not their light changes; None for a box
+            by the light.
 
     Raises:
         ValueError: the light does not cover the cycles.
     """
-    check_covered(light, clock, offsets, start, cycles, timing)
-    earliest, latest = _reach(offsets, timing)
+    check_covered(light, clock, offsets, start, cycles, moves)
+    earliest, latest = _reach(offsets, moves)
     begin, end = clock.edge(start) + earliest, clock.edge(start + cycles) + latest
     met = _met(light, begin, end)
-    box = _box(met) if timing is None else (timing.first, timing.stop, 0, light.shape[1])
+    box = _box(met) if band is None else (*band, 0, light.shape[1])
     if box is None:
         return Course(met[0].first, None, [], met)
     rows = offsets if offsets.size == 1 else offsets[box[0] : box[1]]
     if earliest == latest:
         rows = rows[:1]
     # Instants at which the cycles begin and end, (cycles + 1, rows) ps from their edges.
-    ends = None if timing is None else rows + timing.moves(start, cycles + 1)
+    ends = None if moves is None else rows + moves.moves(start, cycles + 1)
     stops = [p.stop for p in met]
     parts: list[_Run | Joint | Segment] = []
     c, stop = start, start + cycles

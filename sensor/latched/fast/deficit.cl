@@ -20,7 +20,8 @@
 #define STATE_PARAMETERS                                                                          \
     __global int *charge, __global uint *low, __global uint *high, __global const uint *numbers,  \
         __global const int *table, const uint seed, const float dead,     \
-        const int one, const int top
+        const int one, const int top                                                              \
+        MOVE_PARAMETERS
 
 #ifdef NOISE
 // The next four thresholds of each lane, t0 first; EMPTY if used.
@@ -128,12 +129,28 @@
 #define UPWARDS(step) (step > 0.0f ? step : (float16)(0.0f))
 #endif
 
+#if FLAGS & JITTER_FLAG
+#define MOVES                                                                                     \
+    uint16 own;                                                                                   \
+    float16 knot, next_knot;                                                                      \
+    MOVES_OF(own, knot, next_knot, g, c)
+#define EARLY(add)                                                                                \
+    const int16 early = EARLY_OF(add, own, knot, next_knot);                                      \
+    d -= early;
+#define LATE d += early;
+#else
+#define MOVES
+#define EARLY(add)
+#define LATE
+#endif
+
 __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
     MOVING_GROUP
     STATE
     QUEUE
     uint c = segments[0];
+    MOVES
     uint16 bits = 0;
     if (c & 31)
         bits = load_word(words + (c >> 5) * stride, row, x, width);
@@ -157,7 +174,9 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                     const uint bit = 1u << (c & 31);
                     const int16 add = convert_int16(base_units + weight[0] * step_units + 0.5f);
                     const int16 lost = LOST_NOW(add, weight, others);
+                    EARLY(add)
                     CYCLE(add, lost)
+                    LATE
                 }
             else
                 for (; c < stop; c++, weight += jump) {
@@ -167,7 +186,9 @@ __kernel WIDE void moving(STATE_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
                         rate = rate + weight[j] * (levels[segment[5 + j]] - base);
                     const int16 add = units_of(TRANSFERRED(lit(rate)), one);
                     const int16 lost = LOST_NOW(add, weight, others);
+                    EARLY(add)
                     ANY_CYCLE(add, lost)
+                    LATE
                 }
             if (!(c & 31)) {
                 store_word(bits, words + ((c >> 5) - 1) * stride, row, x, width);
@@ -215,6 +236,7 @@ inline __attribute__((always_inline)) int16 next_threshold(uint16 *drawn, uint *
 #define DRAW (int16)(one)
 #endif
 
+#if !(FLAGS & JITTER_FLAG) // whose light is a course
 // Constant light: from spike to spike, all lanes in step. The number of cycles to the next spike is
 // estimated in float and corrected in integers, so the result has no rounding error. A lane that did
 // not fire has reached the end of its window and draws no more.
@@ -306,3 +328,4 @@ __kernel WIDE void steady(STATE_PARAMETERS, STEADY_PARAMETERS)
     }
     KEEP_STATE
 }
+#endif

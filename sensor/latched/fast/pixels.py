@@ -24,13 +24,14 @@ from cosim.light.light import Box, Light, Plane, Scaled
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import MOST_PLANES
-from sensor.latched.fast.runs import Launches, Run, launches_of
+from sensor.latched.fast.runs import Launches, Run
 from sensor.latched.fast.taking_over import taken_over
 from sensor.latched.fast.units import (
     BANK,
     CAP,
     DEAD_TIME,
     EMPTY,
+    JITTER,
     NOISE,
     NOTHING,
     RESET,
@@ -38,6 +39,7 @@ from sensor.latched.fast.units import (
 )
 from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS, group_keys
 from sensor.latched.pixel.charge import light_source
+from sensor.latched.sampling import KNOT, LIMIT, QUANTILES, normal_quantiles
 
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
@@ -50,8 +52,11 @@ On a GPU it is one: there, other work-items hide it, and the state of four fills
 _FLOAT16: Final = np.dtype("V64")
 """Sixteen float32 as one argument of a kernel."""
 
+_OWN: Final = TIMING | JITTER
+"""Flags of the groups with a course of their own; see `PixelArray.own_course`."""
 _CONSTANT: Final = (
-    "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_kernels"
+    "_firsts", "_numbers", "_table", "_flags", "_together", "_lists", "_gains", "_bank", "_moves",
+    "_kernels",
 )  # fmt: skip
 """Attributes of pixels that do not depend on the seed."""
 
@@ -102,6 +107,11 @@ class FastPixels:
         self._bank: tuple[Any, ...] = ()
         if array.banked:
             self._bank = tuple(device.upload(values) for values in (array.bank.values, STEPS))
+        self._moves: tuple[Any, ...] = ()
+        if array.timing is not None:
+            deviations = np.zeros((array.shape[0], 2), np.float32)
+            deviations[array.timing.first : array.timing.stop] = array.timing.deviations
+            self._moves = self._numbers, *map(device.upload, (normal_quantiles(), deviations))
         self._kernels = {f: self._build(f) for f in lists}
 
     def _build(self, flags: int) -> tuple[Any, Any]:
@@ -115,6 +125,7 @@ class FastPixels:
             "-cl-std=CL1.2",
             f"-DFLAGS={flags}",
             f"-DTIMING_FLAG={TIMING}",
+            f"-DJITTER_FLAG={JITTER}",
             f"-DCAP={CAP}",
             f"-DEMPTY=({EMPTY})",
             f"-DNOTHING=({NOTHING}f)",
@@ -127,9 +138,12 @@ class FastPixels:
         if model.transfers:
             source = light_source(model.transfers, self.array.ratio) + source
             defines.append("-DTRANSFER")
-        if flags & BANK:
+        if flags & (BANK | JITTER):
             defines += [f"-D{name}={value}u" for name, value in GENERATOR.items()]
-        elif flags & NOISE:
+        if flags & JITTER:
+            defines += [f"-DKNOT={KNOT}u", f"-DNORMAL_BITS={QUANTILES.bit_length() - 1}"]
+            defines.append(f"-DMOVE_LIMIT=({float(np.float32(LIMIT)).hex()}f)")
+        if flags & NOISE and not flags & BANK:
             source += philox_cl() + text("draws.cl")
             defines += ["-DNOISE", f"-DSTREAM={int(Stream.SHOT_NOISE)}u"]
         if flags & DEAD_TIME:
@@ -139,13 +153,14 @@ class FastPixels:
             if self.array.model.reset == "subtract":
                 defines += [f"-DDEEPEST=({self.array.deepest})"]
         if flags:
-            source += text("charge.cl") + text("bank.cl" if flags & BANK else "deficit.cl")
+            source += text("charge.cl") + text("moves.cl")
+            source += text("bank.cl" if flags & BANK else "deficit.cl")
         else:
             source += text("phase.cl")
-        steady, moving = (
-            self._device.kernel(source, name, tuple(defines)) for name in ("steady", "moving")
-        )
-        return steady, moving
+        moving = self._device.kernel(source, "moving", tuple(defines))
+        if flags & JITTER:
+            return None, moving
+        return self._device.kernel(source, "steady", tuple(defines)), moving
 
     def constants(self) -> FastPixels:
         """These pixels without state and without memory of results, to make others like them."""
@@ -188,16 +203,19 @@ class FastPixels:
         if not flags:
             return (self._charge,)
         array, units = self.array, self.array.units
+        moves: tuple[Any, ...] = ()
+        if flags & JITTER and array.timing is not None:
+            moves = np.uint32(start % 2**32), np.uint32(array.timing.key), *self._moves
         if flags & BANK:
             return (
                 self._charge, self._low, self._keys, *self._bank, np.uint32(start % PERIOD),
                 array.dead, np.int32(units.one), np.int32(array.bank.shortest),
-                np.int32(array.over),
+                np.int32(array.over), *moves,
             )  # fmt: skip
         return (
             self._charge, self._low, self._high, self._numbers, self._table,
             np.uint32(array.model.seed), array.dead, np.int32(units.one),
-            np.int32(units.top if flags & NOISE else units.one),
+            np.int32(units.top if flags & NOISE else units.one), *moves,
         )  # fmt: skip
 
     def _share(self, launches: Launches, before: dict[int, tuple[Plane, Any]]) -> None:
@@ -218,13 +236,13 @@ class FastPixels:
         return self._planes[id(plane)][1], np.float32(1)
 
     def _steady(self, launches: Launches, start: int, cycles: int, words: Any) -> None:
-        """One launch for the pixels outside the box of changing light. Rows whose sampling instants
-        have noise have no constant light."""
+        """One launch for the pixels outside the box of changing light. Groups with a
+        course of their own are not among them."""
         height, groups = self.array.groups
         y0, y1, g0, g1 = _groups(launches.box)
         plane, factor = self._shared(launches.steady)
         for flags, (groups_of, n) in self._lists.items():
-            if flags & TIMING:
+            if flags & _OWN:
                 continue
             if (y1 - y0) * (g1 - g0) == height * groups:
                 return
@@ -237,9 +255,9 @@ class FastPixels:
                 self._fault, *self._gains,
             )  # fmt: skip
 
-    def _moving(self, run: Run, box: Box | None, start: int, words: Any, timing: int) -> None:
+    def _moving(self, run: Run, box: Box | None, start: int, words: Any, own: bool) -> None:
         """One launch for segments of a course that together use at most sixteen planes, for the
-        groups whose flag TIMING is this one. start: first cycle of the call."""
+        groups with a course of their own, or the others. start: first cycle of the call."""
         planes, some = zip(*map(self._shared, run.planes), strict=True)
         planes += planes[:1] * (MOST_PLANES - len(planes))
         factors = np.ones(MOST_PLANES, np.float32)
@@ -248,7 +266,7 @@ class FastPixels:
         (height, width), device = self.array.shape, self._device
         shared = device.upload(run.entries), device.upload(run.weights)
         for flags in self._lists:
-            if flags & TIMING != timing:
+            if bool(flags & _OWN) != own:
                 continue
             items, local = self._items(g1 - g0, not flags or bool(flags & BANK))
             first = () if flags else (np.uint32(start % PERIOD),)
@@ -316,9 +334,8 @@ class FastPixels:
                 words = self._device.target(part)
                 targets.append((words, part))
                 self._run(array.launches(light, begin, n), before, begin, n, words)
-                timed = array.timed_course(light, begin, n)  # while the kernels of others run
-                if timed is not None:
-                    self._run(launches_of(timed), before, begin, n, words, TIMING)
+                if array.has_own:  # while the kernels of others run
+                    self._run(array.own_launches(light, begin, n), before, begin, n, words, True)
         except BaseException:
             self._device.finish()
             raise
@@ -330,14 +347,14 @@ class FastPixels:
 
     def _run(
         self, launches: Launches, before: dict[int, tuple[Plane, Any]], begin: int, cycles: int,
-        words: Any, timing: int = 0,
+        words: Any, own: bool = False,
     ) -> None:  # fmt: skip
         """Launches all kernels; see `_moving` and `_share`."""
         self._share(launches, before)
-        if not timing:
+        if not own:
             self._steady(launches, begin, cycles, words)
         for run in launches.runs:
-            self._moving(run, launches.box, begin, words, timing)
+            self._moving(run, launches.box, begin, words, own)
 
     def fraction(self) -> npt.NDArray[np.float64]:
         """Stored charge over the threshold of the current interval, (H W,)."""

@@ -33,10 +33,12 @@ DEAD_TIME: Final = 2
 RESET: Final = 4
 """Flag of every group under a reset rule other than `residual`: its state is the deficit."""
 TIMING: Final = 8
-"""Flag of the groups of rows whose sampling instants have noise."""
+"""Flag of the groups of rows whose sampling instants a steered clock moves."""
 BANK: Final = 16
 """Flag of a group with NOISE: thresholds come from the bank (sensor/latched/pixel/bank.py), one for
 each group and cycle, and not from the random word of each spike."""
+JITTER: Final = 32
+"""Flag of the groups of rows whose pixels have timing noise."""
 
 BITS: Final = 28
 """Most bits of the nominal threshold."""

@@ -41,7 +41,7 @@ PERIOD: Final = 1 << 31
 _MULTIPLIER: Final = 747796405
 _INCREMENT: Final = 2891336453
 """Generator of 32 bits: those of PCG-32 (O'Neill, HMC-CS-2014-0905, 2014)."""
-_WEYL: Final = 0x9E3779B9
+WEYL: Final = 0x9E3779B9
 """2^32 over the golden ratio: spreads the numbers of consecutive words of cycles."""
 _SCRAMBLE: Final = ((16, 0x7FEB352D), (15, 0x846CA68B))
 """Shifts and factors of a 32-bit hash with low bias, by C. Wellons' search (hash-prospector)."""
@@ -58,7 +58,7 @@ _FINE: Final = 1 << 15
 mean."""
 
 GENERATOR: Final = {
-    "BANK_BITS": _BITS, "PERIOD": PERIOD, "WEYL": _WEYL,
+    "BANK_BITS": _BITS, "PERIOD": PERIOD, "WEYL": WEYL,
     "SHIFT_1": _SCRAMBLE[0][0], "FACTOR_1": _SCRAMBLE[0][1],
     "SHIFT_2": _SCRAMBLE[1][0], "FACTOR_2": _SCRAMBLE[1][1],
 }  # fmt: skip
@@ -240,7 +240,7 @@ def groups_of(numbers: Words, shape: tuple[int, int]) -> tuple[Words, Words]:
     return first.ravel().astype(np.uint32), np.tile(lanes, height)
 
 
-def _scrambled(word: Words) -> Words:
+def scrambled(word: Words) -> Words:
     """A hash of 32-bit words; different words have different hashes."""
     for shift, factor in _SCRAMBLE:
         word = (word ^ (word >> np.uint32(shift))) * np.uint32(factor)
@@ -263,7 +263,7 @@ STEPS.setflags(write=False)
 
 def group_keys(groups: Words, seed: int) -> Words:
     """Hashes of groups, (n,) uint32, which start their generators together with the cycle."""
-    return _scrambled(np.asarray(groups, np.uint32) ^ _scrambled(np.array([seed], np.uint32)))
+    return scrambled(np.asarray(groups, np.uint32) ^ scrambled(np.array([seed], np.uint32)))
 
 
 def offsets(groups: Words, cycles: Words, crossing: int, seed: int) -> Words:
@@ -273,11 +273,11 @@ def offsets(groups: Words, cycles: Words, crossing: int, seed: int) -> Words:
     middle, and further ones those of a hash. Arguments: see `Bank.draw`.
     """
     cycles = np.atleast_1d(cycles).astype(np.uint32) & np.uint32(PERIOD - 1)
-    state = _scrambled(group_keys(groups, seed) ^ ((cycles >> np.uint32(5)) * np.uint32(_WEYL)))
+    state = scrambled(group_keys(groups, seed) ^ ((cycles >> np.uint32(5)) * np.uint32(WEYL)))
     at = cycles & np.uint32(WORD - 1)
     state = STEPS[0][at] * state + STEPS[1][at]
     if crossing > 1:
-        state = _scrambled(state + np.uint32(crossing))
+        state = scrambled(state + np.uint32(crossing))
     if crossing == 1:
         return np.asarray((state >> np.uint32(8)) & np.uint32(SIZE - 1))
     return np.asarray(state >> np.uint32(32 - _BITS))

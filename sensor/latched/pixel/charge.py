@@ -47,6 +47,8 @@ class Span:
         charge: (n,) int64 >= 0, Q24.40 in the cycle in which this course of light began.
         slope: (n,) int64, its change a cycle; None if constant.
         elapsed: cycles from that cycle to `first`, so that all blocks share the arrays.
+        advance: (n,) int64, charge by which the comparison at the end of the single cycle is early,
+            because of timing noise of the pixels; None for none. It is compared and not kept.
     """
 
     first: int
@@ -54,6 +56,7 @@ class Span:
     charge: Charge
     slope: Charge | None = None
     elapsed: int = 0
+    advance: Charge | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,7 @@ class Transfer:
     most: float = 1.0
 
 
-def _charge(transfers: Sequence[Transfer], charge: Charge) -> Charge:
+def transferred(transfers: Sequence[Transfer], charge: Charge) -> Charge:
     """Q24.40 charge after all maps, each clipped to LARGEST."""
     for transfer in transfers:
         charge = np.minimum(transfer.charge(charge), LARGEST * ONE)
@@ -89,11 +92,11 @@ def transfer_spans(spans: Iterable[Span], transfers: Sequence[Transfer]) -> Iter
     """The spans with their charge mapped; changing light becomes one span a cycle."""
     for span in spans:
         if span.slope is None:
-            yield replace(span, charge=_charge(transfers, span.charge))
+            yield replace(span, charge=transferred(transfers, span.charge))
             continue
         for i in range(span.cycles):
             charge = span.charge + span.slope * (span.elapsed + i)
-            yield Span(span.first + i, 1, _charge(transfers, charge))
+            yield Span(span.first + i, 1, transferred(transfers, charge))
 
 
 def _chained(bodies: Iterable[str], kind: str, name: str, after: str) -> str:

@@ -76,12 +76,16 @@ class CompiledPixels:
         model, state = self._model, self._state
         for span in transfer_spans(spans, model.transfers) if model.transfers else spans:
             ramp = span.slope is not None
+            if span.advance is not None:
+                state.deficit[:] -= span.advance
             _expose(
                 state.deficit, state.spikes, self._pixels, span.charge,
                 span.slope if ramp else span.charge, ramp, span.elapsed, self._table, model.noisy,
                 model.q, model.room, _RULE[model.reset], model.dead, np.uint64(model.seed),
                 span.first, span.cycles, words,
             )  # fmt: skip
+            if span.advance is not None:
+                state.deficit[:] += span.advance
         return words
 
     def state(self) -> PixelState:

@@ -285,8 +285,9 @@ inline uint16 picked(const uint16 *words, const uint16 at)
 #endif
 
 // Entries of `spans`: first cycle, cycles, index of the charge, index of the slope (-1: none), elapsed
-// cycles. Spans follow each other without gaps.
-#define ENTRY 5
+// cycles, index of the charge by which the comparison of the single cycle is early (-1: none). Spans
+// follow each other without gaps.
+#define ENTRY 6
 __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
                         __global uint *spikes_high, __global const uint *pixels,
                         __global const long *table, __global uint *words, const long q,
@@ -317,9 +318,12 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
             slope = vload16(g, planes[span[3]]);
             add += slope * span[4];
         }
+        long16 early = 0;
+        if (span[5] >= 0)
+            early = vload16(g, planes[span[5]]);
         for (; c < end; c++, add += slope) {
             const long16 now = TRANSFERRED(add);
-            d -= now;
+            d -= now + early;
             if (some(d)) {
                 long16 fired = d >> 63;
                 uint16 f = convert_uint16(as_ulong16(fired));
@@ -359,6 +363,7 @@ __kernel WIDE void walk(__global long *deficit, __global uint *spikes_low,
                 d = max(d, (long16)(DEEPEST));
 #endif
             }
+            d += early;
             if ((c & 31) == 31) {
                 vstore16(bits, (c >> 5) * stride + g, words);
                 bits = 0;

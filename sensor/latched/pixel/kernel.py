@@ -125,7 +125,14 @@ class KernelPixels:
         model, arrays = self._model, _arrays(spans)
         places = {id(array): n for n, array in enumerate(arrays)}
         entries = [
-            (s.first, s.cycles, places[id(s.charge)], places.get(id(s.slope), -1), s.elapsed)
+            (
+                s.first,
+                s.cycles,
+                places[id(s.charge)],
+                places.get(id(s.slope), -1),
+                s.elapsed,
+                places.get(id(s.advance), -1),
+            )
             for s in spans
         ]
         groups = self._padded // LANES
@@ -179,6 +186,7 @@ class KernelPixels:
 
 
 def _arrays(spans: list[Span]) -> list[Charge]:
-    """The charges and slopes of spans, each once."""
-    arrays = {id(a): a for s in spans for a in (s.charge, s.slope) if a is not None}
+    """The arrays of spans, each once."""
+    each = (a for s in spans for a in (s.charge, s.slope, s.advance))
+    arrays = {id(a): a for a in each if a is not None}
     return list(arrays.values())

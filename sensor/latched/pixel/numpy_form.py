@@ -62,7 +62,10 @@ class NumpyPixels:
                 for transfer in self._model.transfers:
                     charge = np.minimum(transfer.charge(charge), LARGEST * ONE)
                 c = span.first + i
+                early = 0 if span.advance is None else span.advance
+                self._state.deficit -= early
                 words[c // WORD] |= self._cycle(charge).astype(np.uint32) << np.uint32(c % WORD)
+                self._state.deficit += early
         return words
 
     def state(self) -> PixelState:

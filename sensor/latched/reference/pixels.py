@@ -22,14 +22,14 @@ from sensor.latched.reference.bank_draws import BankDraws, bank_draws
 from sensor.latched.reference.engine import expose
 from sensor.latched.reference.law import LEAST, draw_all, law_of
 from sensor.latched.reference.stiff_engine import expose_circuit
-from sensor.latched.sampling import RowMoves
+from sensor.latched.sampling import PixelTiming, RowMoves
 
 Values = npt.NDArray[np.float64]
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {
     "tick": np.int64, "part": np.float64, "charge": np.float64, "goal": np.float64,
     "spikes": np.uint64, "held": np.float64, "phase": np.int64, "volts": np.float64,
-    "wait": np.float64, "cycle": np.int64, "pending": np.float64,
+    "wait": np.float64, "cycle": np.int64, "pending": np.float64, "ahead": np.float64,
 }  # fmt: skip
 
 
@@ -57,8 +57,9 @@ class ReferencePixels:
             comparator and its reset, and the charge leaks.
         overshoot: electrons beyond a threshold until the comparator switches; only `fraction` uses
             them.
-        timing: noise of the sampling instants, None for none.
+        moves: moves of the sampling instants of rows, None for none.
         bank: draws of the pixels that take their thresholds from the bank, None for no such pixel.
+        timing: timing noise of the pixels, None for none.
 
     Raises:
         ValueError: `offsets` has another shape, or a circuit comes with a dead time or with a reset
@@ -75,8 +76,9 @@ class ReferencePixels:
         offsets: npt.NDArray[np.int64] | None = None,
         circuit: Circuit | None = None,
         overshoot: float = 0.0,
-        timing: RowMoves | None = None,
+        moves: RowMoves | None = None,
         bank: BankDraws | None = None,
+        timing: PixelTiming | None = None,
     ) -> None:
         n = numbers.size
         self._model, self._numbers, self._clock = model, numbers.astype(np.uint32), clock
@@ -84,12 +86,17 @@ class ReferencePixels:
         self._offsets = np.zeros(n, np.int64) if offsets is None else offsets.astype(np.int64)
         if self._offsets.shape != (n,):
             raise ValueError(f"offsets must be ({n},), one a pixel, not {self._offsets.shape}")
-        self._timing = timing
-        if timing is None:
+        self._moves, self._timing = moves, timing
+        if moves is None:
             self._places, self._rows = np.unique(self._offsets, return_inverse=True)
         else:  # pixels lie row by row
-            width = n // timing.height
+            width = n // moves.height
             self._places, self._rows = self._offsets[::width], np.arange(n) // width
+        self._shared = self._rows
+        if timing is not None:  # each of these pixels has its own instants
+            self._rows = self._rows.copy()
+            mine = self._rows[timing.first * timing.columns : timing.stop * timing.columns]
+            mine[:] = self._places.size + np.arange(mine.size)
         self._circuit = None if circuit is None else circuit.packed()
         if circuit is not None:
             if model.reset != "residual" or model.dead_time > 0:
@@ -111,7 +118,7 @@ class ReferencePixels:
             "tick": np.zeros(n, np.int64), "part": np.zeros(n), "charge": charge, "goal": goal,
             "spikes": np.zeros(n, np.uint64), "held": charge.copy(),
             "phase": np.zeros(n, np.int64), "volts": np.zeros(n), "wait": np.zeros(n),
-            "cycle": np.full(1, -1), "pending": np.zeros(n),
+            "cycle": np.full(1, -1), "pending": np.zeros(n), "ahead": np.zeros(n),
         }  # fmt: skip
 
     def _first_goals(self) -> Values:
@@ -212,13 +219,19 @@ class ReferencePixels:
         )  # fmt: skip
 
     def _latches(self, start: int, cycles: int) -> npt.NDArray[np.int64]:
-        """Instants at which cycles begin and end, (rows, cycles + 1) ps."""
+        """Instants at which cycles begin and end, (rows, cycles + 1) ps; `_rows` says which
+        row a pixel has."""
         edges = np.array([self._clock.edge(start + c) for c in range(cycles + 1)], np.int64)
         latches: npt.NDArray[np.int64] = edges + self._places[:, None]
-        if self._timing is not None:
-            rows = slice(self._timing.first, self._timing.stop)
-            latches[rows] += self._timing.moves(start, cycles + 1).T
-        return latches
+        if self._moves is not None:
+            latches[self._moves.first : self._moves.stop] += self._moves.moves(start, cycles + 1).T
+        if self._timing is None:
+            return latches
+        timing, period = self._timing, PS * float(self._clock.period)
+        moved = np.array([timing.at(start + c) for c in range(cycles + 1)], np.float64)
+        steps = np.rint(moved.reshape(cycles + 1, -1).T * period).astype(np.int64)
+        shared = self._shared[timing.first * timing.columns : timing.stop * timing.columns]
+        return np.concatenate([latches, latches[shared] + steps])
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Latched bits of cycles `start` to `start + cycles` of the clock.
@@ -262,25 +275,28 @@ class ReferencePixels:
             phases = (state["phase"], state["volts"], state["wait"])
             run(*before, *phases, *inputs, self._circuit, *drawn, words)
         if self._circuit is not None or model.dead_time > 0:
-            state["pending"] = self._pending_after(*course, latches[self._rows, -1])
+            state["pending"] = self._pending_after(course, latches[self._rows, -1])
+        if self._timing is not None:
+            state["ahead"] = self._ahead(course, latches[self._rows, -1], start + cycles)
         state["cycle"] = np.full(1, start + cycles)
         return words
 
-    def _pending_after(
-        self, begins: npt.NDArray[np.int64], ends: npt.NDArray[np.int64], starts: Values,
-        stops: Values, latches: npt.NDArray[np.int64],
-    ) -> Values:  # fmt: skip
-        """The light at their latches, (n,) ps, that dead times or resets of the circuit which last
-        beyond them will lose, electrons. Course: see `_course`."""
+    def _ahead(self, course: Any, latches: npt.NDArray[np.int64], cycle: int) -> Values:
+        """Electrons that the timing noise of the last latches, (n,) ps, brought before the edge at
+        which `cycle` begins: fractions are those at the edge. course: see `_course`."""
+        moves = 0 if self._moves is None else self._moves.moves(cycle, 1)[0][self._shared]
+        edges = self._clock.edge(cycle) + self._places[self._shared] + moves
+        return np.asarray((latches - edges) * _rates(course, np.arange(edges.size), edges))
+
+    def _pending_after(self, course: Any, latches: npt.NDArray[np.int64]) -> Values:
+        """Electrons that dead times or resets of the circuit which last beyond the latches, (n,)
+        ps, will lose. course: see `_course`."""
         pending, state = np.zeros(latches.size), self._state
         wait = state["tick"] - latches + state["part"]
         if self._circuit is not None:
             wait = np.where(state["phase"] == RESET, wait + state["wait"], 0.0)
         late = np.flatnonzero(wait > 0)
-        piece = np.minimum(np.searchsorted(ends, latches[late]), ends.size - 1)
-        share = np.maximum((latches[late] - begins[piece]) / (ends - begins)[piece], 0)
-        start, stop = starts[late, piece], stops[late, piece]
-        pending[late] = wait[late] * (start + (stop - start) * share)
+        pending[late] = wait[late] * _rates(course, late, latches[late])
         return pending
 
     def _next(
@@ -353,9 +369,10 @@ class ReferencePixels:
         return fires
 
     def fraction(self) -> Values:
-        """Charge at each pixel's last latch over the threshold of its current interval, including
-        the overshoot; at most 1, (n,)."""
-        fraction: Values = self._state["held"] / (self._state["goal"] + self._overshoot)
+        """Charge at each pixel's last latch, as it is without timing noise, over the threshold of
+        its current interval, including the overshoot; at most 1 with an overshoot, (n,)."""
+        held = self._state["held"] - self._state["ahead"]
+        fraction: Values = held / (self._state["goal"] + self._overshoot)
         return np.minimum(fraction, 1.0) if self._overshoot else fraction
 
     def pending(self) -> Values:
@@ -371,3 +388,12 @@ class ReferencePixels:
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Continues from a `state`."""
         self._state = {key: np.array(state[key], kind) for key, kind in _KEYS.items()}
+
+
+def _rates(course: Any, pixels: npt.NDArray[np.intp], instants: npt.NDArray[np.int64]) -> Values:
+    """Electrons a picosecond on pixels, (n,), each at its own instant, ps; course: `_course`."""
+    begins, ends, starts, stops = course
+    piece = np.minimum(np.searchsorted(ends, instants), ends.size - 1)
+    share = np.maximum((instants - begins[piece]) / (ends - begins)[piece], 0)
+    start = starts[pixels, piece]
+    return np.asarray(start + (stops[pixels, piece] - start) * share)

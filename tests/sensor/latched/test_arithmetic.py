@@ -271,7 +271,7 @@ def test_spikes_fall_into_the_brighter_part_of_a_cycle(tier: Tier, device: Devic
 
 @pytest.mark.parametrize("tier", ["exact", "fast"])
 def test_dead_time_stays_where_the_length_of_a_cycle_has_noise(tier: Tier, device: Device) -> None:
-    """The fast tier takes the light of the dead time, the exact one a share of the cycle's."""
+    """Timing noise moves what is compared, not the light that a spike loses."""
     chip = replace(CHIPS["spiketwo"], width=TILE, height=TILE)
     camera = setting(
         chip=chip, dead_time=0.1 / CLOCK.hz, row_timing=RowTiming(0.1, 0.0, 0.5, 100.0)
@@ -283,12 +283,9 @@ def test_dead_time_stays_where_the_length_of_a_cycle_has_noise(tier: Tier, devic
         bits = one.step(light, Block(0, 2000)).planes().sum(axis=0).ravel()
         phases.append(bits + one.fraction() - pending_of(one._pixels))
     off = phases[0] - phases[1]
-    # A spike falls into a cycle by its length, whose mean square is 2 x 0.1^2: too much is lost.
+    # If it were of the light that is compared, as more spikes fall into longer cycles:
     lost = 0.1 * 0.5 * 2 * 0.1**2 * (0.5 / 1.05) * 2000
-    if tier == "exact":
-        assert 0.8 * lost < -off.mean() < lost
-    else:
-        assert np.sqrt((off**2).mean()) < 0.01 * lost
+    assert np.sqrt((off**2).mean()) < 0.01 * lost
 
 
 def test_gains_bring_pixels_of_dimmer_tiles_near_one_spike_a_cycle() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -168,3 +169,34 @@ def test_bad_sizes_are_refused() -> None:
         ExactModel(100.0, 1, effects, 0.0, "residual", 1.5)
     with pytest.raises(ValueError, match="threshold noise must be"):
         ExactModel(100.0, 1, effects, -1.0)
+
+
+def test_rows_columns_and_neighbours_have_their_parts_in_common() -> None:
+    """Variances of means and products of neighbours, against their closed forms."""
+    height, width, r = 300, 400, 0.3
+    numbers = np.arange(height * width, dtype=np.uint32)
+    made = DevicePattern(
+        prnu=0.02, rows=0.004, columns=0.002, along_row=r, along_column=0.15, width=width
+    )
+    gain = made.at(numbers).gain.reshape(height, width) - 1
+    own = gain - gain.mean(axis=1, keepdims=True) - gain.mean(axis=0) + gain.mean()
+    assert own.std() == pytest.approx(0.02, rel=0.02)
+    near = [(own[:, n:] * own[:, :-n]).mean() / own.var() for n in (1, 2, 3)]
+    a = (1 - np.sqrt(1 - 2 * r * r)) / (2 * r)
+    expected = [r, a * a / (1 + 2 * a * a), 0]
+    assert near == pytest.approx(expected, abs=0.015)
+    assert (own[1:] * own[:-1]).mean() / own.var() == pytest.approx(0.15, abs=0.015)
+    for axis, n, size, alike in ((1, width, 0.004, r), (0, height, 0.002, 0.15)):
+        b = (1 - np.sqrt(1 - 2 * alike**2)) / (2 * alike)
+        pixels = 0.02**2 * (1 + 2 * b) ** 2 / (1 + 2 * b * b) / n
+        lines = gain.mean(axis=axis).var(ddof=1)
+        assert lines == pytest.approx(size**2 + pixels, rel=0.25)
+    some = numbers[5000:5100]
+    np.testing.assert_array_equal(made.at(some).gain, made.at(numbers).gain[some])
+    # Without them the bits are those of before, whatever the width.
+    plain = DevicePattern(prnu=0.02, device_seed=3)
+    np.testing.assert_array_equal(replace(plain, width=width).at(some).gain, plain.at(some).gain)
+    with pytest.raises(ValueError, match="width must be 1 or more"):
+        DevicePattern(rows=0.01)
+    with pytest.raises(ValueError, match=r"along_row must be 0 to 0\.6"):
+        DevicePattern(along_row=0.7, width=4)

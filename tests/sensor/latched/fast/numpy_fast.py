@@ -15,7 +15,7 @@ from cosim.light.light import Light, Plane
 from cosim.spikes.viform import WORD, words_for
 from sensor.latched.fast.array import LANES, PixelArray
 from sensor.latched.fast.course import Course, Segment
-from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, NOISE, TIMING, draw_thresholds
+from sensor.latched.fast.units import BANK, CAP, DEAD_TIME, JITTER, NOISE, TIMING, draw_thresholds
 from sensor.latched.pixel.charge import transfer_light
 
 _F = np.float32
@@ -184,9 +184,10 @@ class NumpyFast:
         top = np.where(noisy, units.top, units.one)
         if banked.any():
             top[banked] = array.over
-        deficit = self._charge.astype(np.int64)
+        early = self._early(add, cycle)
+        deficit = self._charge.astype(np.int64) - early
         if array.model.reset != "residual":
-            return self._one(deficit - np.where(mine, add, 0), lost, mine, cycle)
+            return self._one(deficit - np.where(mine, add, 0), lost, mine, early, cycle)
         # Light above the longest threshold: thresholds are subtracted at their mean.
         certain = mine & (add >= top + lost) & (deficit < add)
         whole = units.one + lost
@@ -199,10 +200,20 @@ class NumpyFast:
         while due.any():
             deficit[due] += self._draw(due, crossing, cycle) + lost[due]
             due, crossing = mine & (deficit < 0), crossing + 1
-        self._charge[mine] = deficit.astype(np.int32)[mine]
+        self._charge[mine] = (deficit + early).astype(np.int32)[mine]
         return fired
 
-    def _one(self, deficit: Array, lost: Array, mine: Array, cycle: int) -> Array:
+    def _early(self, add: Array, cycle: int) -> Array:
+        """Units by which the comparison at the end of a cycle is early."""
+        array, early = self._array, np.zeros(add.shape, np.int64)
+        if array.timing is not None:
+            band = slice(array.timing.first, array.timing.stop)
+            moved = np.zeros(add[band].shape, np.float32)
+            moved[:, : array.shape[1]] = array.timing.at(cycle + 1)
+            early[band] = np.rint(add[band].astype(_F) * moved)
+        return np.where(self._flags & JITTER, early, 0)
+
+    def _one(self, deficit: Array, lost: Array, mine: Array, early: Array, cycle: int) -> Array:
         """The end of a cycle in which one threshold is crossed at most: `hard`, `subtract`."""
         array = self._array
         fired = mine & (deficit < 0)
@@ -212,7 +223,7 @@ class NumpyFast:
             deficit = np.where(fired, threshold + lost - 1, deficit)
         else:
             deficit = np.maximum(deficit + np.where(fired, threshold + lost, 0), array.deepest)
-        self._charge[mine] = deficit.astype(np.int32)[mine]
+        self._charge[mine] = (deficit + early).astype(np.int32)[mine]
         return fired
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
@@ -221,11 +232,12 @@ class NumpyFast:
         course = self._array.course(light, start, cycles)
         words = np.zeros((words_for(cycles), self._charge.size), np.uint32)
         model, most = self._array.model, self._array.brightest
-        timed = self._array.timed_course(light, start, cycles)
-        noisy = (self._flags & TIMING) != 0
-        moved = self._rates(timed or course, start, cycles)
+        own = self._array.own_course(light, start, cycles) if self._array.has_own else course
+        noisy = (self._flags & (TIMING | JITTER)) != 0
+        moved = self._rates(own, start, cycles)
         for c, (rate, ramp, share) in enumerate(self._rates(course, start, cycles)):
-            other, _, mine = next(moved)
+            other, moved_ramp, mine = next(moved)
+            ramp = np.where(noisy, moved_ramp, ramp)
             rate, share = np.where(noisy, other, rate), np.where(noisy, mine, share)
             if model.transfers:
                 positive = np.maximum(rate, _F(0))

@@ -99,9 +99,10 @@ def test_with_every_other_effect_too(device: Device, seed: int) -> None:
         prnu=0.1, dark=400.0, dsnu=0.2, threshold_fpn=0.02, hot=0.05, hot_current=1e7,
         dead=0.05, device_seed=3,
     ).at(numbers)  # fmt: skip
-    timing = RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(HEIGHT), HEIGHT, CLOCK, seed)
+    timing = RowTiming(0.1, 0.01, 0.5, 2.0).on(numbers, np.arange(HEIGHT), HEIGHT, seed)
     pixels = array(
-        model, WIDE, 1.3, pattern=pattern, offsets=row_offsets(CLOCK, HEIGHT, 0.8, 1e-5, (0, 5)),
+        model, WIDE, 1.3, numbers=numbers, pattern=pattern,
+        offsets=row_offsets(CLOCK, HEIGHT, 0.8, 1e-5, (0, 5)),
         timing=timing if seed > 1 else None,
     )  # fmt: skip
     same(pixels, device, light_between(WIDE, KNOTS, True), [0, 3, 32, 33, 100, 190])
@@ -118,10 +119,13 @@ def test_noisy_rows_of_any_light_agree_with_numpy(
     pattern = DevicePattern(prnu=0.02, dark=400.0, dsnu=0.2, dead=0.05, device_seed=3).at(
         np.arange(WIDTH * HEIGHT, dtype=np.uint32)
     )
-    timing = RowTiming(0.1, 0.01, 0.5, 5.0).on(np.arange(HEIGHT), HEIGHT, CLOCK, 2)
+    numbers = np.arange(WIDTH * HEIGHT, dtype=np.uint32)
+    timing = RowTiming(0.1, 0.01, 0.5, 5.0).on(numbers, np.arange(HEIGHT), HEIGHT, 2)
     offsets = row_offsets(CLOCK, HEIGHT, 0.8, 1e-5, (0, HEIGHT))
     for fixed in (pattern, None):
-        pixels = array(model, WIDE, brightest, pattern=fixed, offsets=offsets, timing=timing)
+        pixels = array(
+            model, WIDE, brightest, numbers=numbers, pattern=fixed, offsets=offsets, timing=timing
+        )
         same(pixels, device, light_between(WIDE, KNOTS, True), [0, 3, 32, 100, 190])
 
 

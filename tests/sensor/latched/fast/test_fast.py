@@ -124,7 +124,9 @@ def test_kernels_agree_with_plain_numpy_on_every_bit(
         model, SHAPE, NUMBERS, CLOCK, electrons * 40_000 * 1.7 / 700,
         pattern if seed % 2 else None, offsets,
         random.choice([0, 1, 2, 3, 17, 19], (7, 3)).astype(np.uint8),
-        RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(7), 7, CLOCK, seed) if seed % 5 > 1 else None,
+        timing=RowTiming(0.1, 0.01, 0.5, 2.0).on(NUMBERS, np.arange(7), 7, seed)
+        if seed % 5 > 1
+        else None,
     )  # fmt: skip
     fast, plain = FastPixels(array, device), NumpyFast(array)
     knots = [0, 3 * PERIOD + 5, 9 * PERIOD, 9 * PERIOD + PERIOD // 3, 20 * PERIOD, 200 * PERIOD]

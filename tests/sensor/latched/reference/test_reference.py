@@ -18,7 +18,7 @@ from sensor.latched.pixel.charge import ONE
 from sensor.latched.pixel.compiled import CompiledPixels
 from sensor.latched.pixel.model import ExactModel
 from sensor.latched.reference import ReferencePixels
-from sensor.latched.sampling import RowTiming, row_offsets
+from sensor.latched.sampling import row_offsets
 from tests.sensor.latched.piecewise import light_between
 
 CLOCK = Clock(40_000)
@@ -176,13 +176,10 @@ class TestExactTier:
         gain = model.threshold * 40e3 / 350 * 10 ** random.uniform(-2, 1.3)
         rows = row_offsets(CLOCK, SHAPE[0], 0.9 * (seed % 2), 4e-6 * (seed % 5 > 2), (0, SHAPE[0]))
         fixed = DevicePattern(prnu=0.1, dark=500.0, threshold_fpn=0.02).at(NUMBERS)
-        timing = None
-        if seed % 3 == 1:
-            timing = RowTiming(0.1, 0.01, 0.5, 2.0).on(np.arange(SHAPE[0]), SHAPE[0], CLOCK, seed)
-        exact, exposure = CompiledPixels(model, NUMBERS), Exposure(CLOCK, gain, fixed, rows, timing)
+        exact, exposure = CompiledPixels(model, NUMBERS), Exposure(CLOCK, gain, fixed, rows)
         expected = exact.expose(exposure.spans(light, 0, cycles), cycles)
         offsets = np.repeat(rows, SHAPE[1])
-        made = ReferencePixels(model, NUMBERS, CLOCK, gain, fixed, offsets, timing=timing)
+        made = ReferencePixels(model, NUMBERS, CLOCK, gain, fixed, offsets)
         words = made.expose(light, 0, cycles)
         if model.noisy:
             same = exact.state().spikes == made.state()["spikes"]
