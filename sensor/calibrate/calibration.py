@@ -7,11 +7,22 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.run.progress import Progress
 from cosim.spikes.viform import SpikeStream
+from sensor.calibrate.band import Band, band_parameters, band_pixels, measure_band
+from sensor.calibrate.common import (
+    drift_parameter,
+    duplicate_parameter,
+    duplicated_rows,
+    line_parameters,
+    measure_drift,
+    measure_lines,
+    originals,
+)
 from sensor.calibrate.defects import Defects, find_defects, shading
 from sensor.calibrate.histograms import Histogram, compare_histograms
 from sensor.calibrate.known import (
@@ -68,6 +79,9 @@ class Calibration:
         notes: what a reader must know.
         shape: (height, width), pixels.
         clock: stated.
+        duplicated: pairs (source, target) of rows with the same bits.
+        still: recording of still light with which a film of the preset is compared, and the rate,
+            (n,) spikes a cycle, at which its pixels fire without a pattern; None for none.
     """
 
     parameters: dict[str, Parameter]
@@ -78,6 +92,8 @@ class Calibration:
     notes: tuple[str, ...]
     shape: tuple[int, int]
     clock: Clock
+    duplicated: tuple[tuple[int, int], ...] = ()
+    still: tuple[Trains, npt.NDArray[np.float64]] | None = None
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -96,6 +112,7 @@ class Calibration:
                 }
                 for h in self.histograms
             ],
+            "duplicated_rows": [list(pair) for pair in self.duplicated],
             "does_not_fit": list(self.does_not_fit), "notes": list(self.notes),
         }  # fmt: skip
 
@@ -157,10 +174,14 @@ def calibrate(
     if role == "scene":
         notes.append(f"{main.name} shows a scene at rest: it tells the noise, not the pattern")
     if role == "moving" and not used:
-        found = [*moving_parameters(main), *outside_parameters(False)]
+        pairs = duplicated_rows(main)
+        found = [
+            *moving_parameters(main), duplicate_parameter(pairs), *outside_parameters(False)
+        ]  # fmt: skip
         return Calibration(
-            {p.name: p for p in found}, roles, (), (), (), tuple(notes), main.shape, main.clock
-        )
+            {p.name: p for p in found}, roles, (), (), (), tuple(notes), main.shape, main.clock,
+            pairs,
+        )  # fmt: skip
     fits = _Fits(used, black, main if role == "scene" else None, notes)
     if progress is not None:
         progress.advance(len(flats) + 3)
@@ -168,8 +189,8 @@ def calibrate(
     return Calibration(
         parameters, roles, fits.levels, fits.histograms,
         tuple(misfits(fits.histograms, fits.noise, fits.fit, parameters["reset"],
-                      black, fits.defects, fits.flats, fits.shade)),
-        tuple(notes), main.shape, main.clock,
+                      black, fits.good, fits.defects, fits.flats, fits.shade, fits.band)),
+        tuple(notes), main.shape, main.clock, fits.duplicated, fits.still,
     )  # fmt: skip
 
 
@@ -214,6 +235,9 @@ class _Fits:
         self.good = self.defects.good
         for each in self.flats:
             self.good = self.good & (each.spikes > 1)
+        self.brightest = max(still, key=lambda each: each.rate)
+        self.duplicated = duplicated_rows(self.brightest)
+        self.good = self.good & originals(self.brightest, self.duplicated)
         if int(self.good.sum()) < 16:
             raise InputError(
                 "the recordings", "of 16 good pixels or more", f"{int(self.good.sum())}",
@@ -227,6 +251,16 @@ class _Fits:
                 "record longer, at 0.05 to 0.6 spikes a cycle",
             )  # fmt: skip
         self.noise: Noise = noise
+        self.drift = measure_drift(max(still, key=lambda each: each.cycles), self.good)
+        drift = self.drift.size if self.drift is not None and self.drift.known else 0.0
+        if drift:
+            self.noise = measure_noise([(each, self.good) for each in still], 0.0, drift) or noise
+        self.band = self._band()
+        self.even = self.good
+        if self.band is not None:  # the noise that accumulates is that of the other rows
+            self.even = self.good & ~band_pixels(self.band, self.brightest)
+            self.noise = measure_noise([(each, self.even) for each in still], 0.0, drift) or noise
+            self.band = self._band()
         if self.flats:
             self.shade = shading(self.flats, self.good)
             for _ in range(_ROUNDS):
@@ -234,7 +268,7 @@ class _Fits:
                     self.flats, None if self.dim else dark, [ratio for _, ratio in flats],
                     self.shade, self.good, self.noise.squared.value, self.timing,
                 )  # fmt: skip
-                again = measure_noise([(each, self.good) for each in still], self.dead)
+                again = measure_noise([(each, self.even) for each in still], self.dead, drift)
                 self.noise = again or self.noise
             if float(np.ptp(self.shade)) > 0.02:
                 notes.append(
@@ -243,7 +277,7 @@ class _Fits:
                 )
         third = self.noise.third.value if self.noise.third is not None else 0.0
         compared = (
-            compare_histograms(each, self.good, self.noise.squared.value, third, self.dead)
+            compare_histograms(each, self.even, self.noise.squared.value, third, self.dead)
             for each in sorted(still, key=lambda t: t.rate)
         )
         self.histograms = tuple(h for h in compared if h is not None)
@@ -253,6 +287,25 @@ class _Fits:
         self.levels = tuple(
             (t.name, each, t.rate) for t, each in zip(self.flats, light, strict=True)
         )
+
+    def _band(self) -> Band | None:
+        """The band of rows with timing noise, for the noise that is known so far."""
+        noise = self.noise
+        return measure_band(
+            self.brightest, self.good, noise.squared.value, 0.0, noise.timing
+        )  # fmt: skip
+
+    @property
+    def still(self) -> tuple[Trains, npt.NDArray[np.float64]]:
+        """See `Calibration`. Of a scene, a pixel's surroundings say its light."""
+        trains = self.scene or max(self.flats, key=lambda each: each.spikes.sum())
+        if self.scene is not None:
+            from scipy.ndimage import median_filter
+
+            rates = (trains.spikes / trains.cycles).reshape(trains.shape)
+            return trains, np.asarray(median_filter(rates, 5, mode="nearest"), np.float64).ravel()
+        rate = float(trains.spikes[self.good].mean() / trains.cycles)
+        return trains, np.asarray(rate * (1 + self.shade))
 
     @property
     def timing(self) -> float:
@@ -266,18 +319,23 @@ class _Fits:
 
     def parameters(self) -> list[Parameter]:
         """All parameters."""
-        brightest = max([*self.flats, *([self.scene] if self.scene else [])], key=lambda t: t.rate)
+        brightest = self.brightest
         hertz = brightest.clock.hz
         fit = self.fit
         error = 0.0 if fit is None or fit.dead is None else fit.error(0, 0, 0, 0, 1)
         out = noise_parameters(self.noise, error)
         if fit is not None:
             out += pattern_parameters(fit, hertz, self.dark, self.dim)
+            flat = max(self.flats, key=lambda t: t.spikes.sum())
+            squared = self.noise.squared.value
+            out += line_parameters(measure_lines(flat, self.good, self.shade, squared))
             out += defect_parameters(self.defects, self.dark, fit, hertz)
         else:
             assert self.scene is not None
             limits = {"interval_noise", "threshold", "reset"}
             out += [p for p in moving_parameters(self.scene) if p.name not in limits]
+        out += [drift_parameter(self.drift), *band_parameters(self.band)]
+        out.append(duplicate_parameter(self.duplicated))
         out.append(reset_rule(brightest, self.good, self.noise.squared.value))
         return [*out, *outside_parameters(bool(self.flats))]
 

@@ -8,12 +8,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from sensor.calibrate.band import Band
 from sensor.calibrate.defects import Defects, dark_rates
 from sensor.calibrate.histograms import Histogram
 from sensor.calibrate.known import Parameter
 from sensor.calibrate.noise import Noise
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
+from sensor.device.pattern import CORRELATED
 
 CHANCE: Final = 1e-4
 """Chance below which a deviation is named."""
@@ -25,8 +27,8 @@ _SPREAD: Final = 0.5
 
 def misfits(
     histograms: Sequence[Histogram], noise: Noise, fit: PatternFit | None, reset: Parameter,
-    dark: Trains | None, defects: Defects, flats: Sequence[Trains],
-    shade: npt.NDArray[np.float64],
+    dark: Trains | None, good: npt.NDArray[np.bool_], defects: Defects, flats: Sequence[Trains],
+    shade: npt.NDArray[np.float64], band: Band | None,
 ) -> list[str]:  # fmt: skip
     """A line for each deviation: which number, how large, and what it may be."""
     from scipy.stats import chi2
@@ -56,7 +58,7 @@ def misfits(
                 f"noise of an interval is not the same at all levels ({values}): light that "
                 "flickers, a leak, or noise that depends on time"
             )
-    if noise.timing:
+    if noise.timing and band is None:
         out.append(
             f"latch: intervals have a timing noise of {max(noise.jitter.value, 0) ** 0.5:.3g} "
             "cycles that does not accumulate; see sensor.row_jitter"
@@ -74,7 +76,7 @@ def misfits(
                 "current and one dead time as noise allows: response that is not linear, or light "
                 "whose distribution changed"
             )
-    out += _neighbours(flats, defects.good, shade)
+    out += _neighbours(flats, good, shade)
     if dark is not None and defects.hot is not None and int(defects.hot.sum()) > 5:
         rates = dark_rates(dark)
         excess = rates[defects.hot] - np.median(rates)
@@ -89,7 +91,8 @@ def misfits(
 def _neighbours(
     flats: Sequence[Trains], good: npt.NDArray[np.bool_], shade: npt.NDArray[np.float64]
 ) -> list[str]:
-    """Whether neighbouring pixels have responses in common."""
+    """Whether neighbouring pixels have responses in common that no pattern has: those of one are
+    not below 0, and at most CORRELATED."""
     if not flats:
         return []
     brightest = max(flats, key=lambda each: each.rate)
@@ -103,7 +106,8 @@ def _neighbours(
         if both.sum() < 50:
             continue
         correlation = float(np.corrcoef(a[both], b[both])[0, 1])
-        if abs(correlation) > _STANDARD / np.sqrt(both.sum()):
+        error = _STANDARD / np.sqrt(both.sum())
+        if correlation < -error or correlation > CORRELATED + error:
             out.append(
                 f"neighbours in {name}: responses correlate by {correlation:+.3f}: circuits "
                 "that they share, or light that is not uniform"

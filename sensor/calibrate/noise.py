@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from sensor.calibrate.histograms import latched_third, sample_variance
 from sensor.calibrate.trains import Trains
+from sensor.latched.effects.drift import KNOT
 
 Values = npt.NDArray[np.float64]
 _SPARE: Final = 0.02
@@ -39,6 +40,9 @@ _ROUNDS: Final = 12
 """Rounds of the fixed point of sigma, whose share in the latch's variance is small."""
 _SIGNIFICANT: Final = 4.0
 """Standard errors from which timing noise of the latch is taken as real: one case in 16 000."""
+_DRIFTING: Final = 64
+"""Cycles of the longest sum of intervals where the gain of all pixels drifts: those of the sums of
+counts that show the drift."""
 _SATURATED: Final = 5.0
 """Standard deviations of an interval by which it must be longer than a cycle: a shorter one may
 hide a spike."""
@@ -104,25 +108,45 @@ def _weighted(parts: Sequence[Estimate]) -> tuple[Estimate, Values]:
     return Estimate(value, float(np.sqrt(weights**2 @ [p.error**2 for p in parts]))), weights
 
 
+def drift_covariance(cycles: int, sums: int) -> Values:
+    """Covariance of the mean gains of successive sums of a number of cycles, (sums, sums), for a
+    drift of 1: normal values KNOT cycles apart, linear in between."""
+    at = (np.arange(sums * cycles) + 0.5) / KNOT
+    knots, whole = np.zeros((sums, int(at[-1]) + 2)), at.astype(int)
+    block = np.arange(sums * cycles) // cycles
+    np.add.at(knots, (block, whole), (1 - at % 1) / cycles)
+    np.add.at(knots, (block, whole + 1), (at % 1) / cycles)
+    return np.asarray(knots @ knots.T)
+
+
+def drift_variance(cycles: int, sums: int) -> float:
+    """Expected sample variance of these mean gains."""
+    covariance = drift_covariance(cycles, sums)
+    return float((np.trace(covariance) - covariance.sum() / sums) / max(sums - 1, 1))
+
+
 def measure_noise(
-    recordings: Sequence[tuple[Trains, npt.NDArray[np.bool_]]], dead: float
+    recordings: Sequence[tuple[Trains, npt.NDArray[np.bool_]]], dead: float, drift: float = 0.0
 ) -> Noise | None:
     """Noise from recordings of constant light with their good pixels, (n,) bool each.
 
     Args:
         recordings: recordings of one camera.
         dead: dead time, cycles.
+        drift: RMS of the gain that all pixels have in common, whose part in long sums is taken off.
 
     Returns:
         None if no recording has pixels with enough intervals.
     """
-    found = [level for level in (_level(*each, dead, False) for each in recordings) if level]
+    found = [level for level in (_level(*each, dead, False, drift) for each in recordings) if level]
     if not found:
         return None
     jitter, _ = _weighted([level.jitter for level in found])
     timing = jitter.value > _SIGNIFICANT * jitter.error
     if timing:
-        found = [level for level in (_level(*each, dead, True) for each in recordings) if level]
+        found = [
+            level for level in (_level(*each, dead, True, drift) for each in recordings) if level
+        ]
         jitter, _ = _weighted([level.jitter for level in found])
     squared, weights = _weighted([level.squared for level in found])
     thirds = [level.third for level in found if level.third is not None]
@@ -132,7 +156,9 @@ def measure_noise(
     )  # fmt: skip
 
 
-def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: bool) -> Level | None:
+def _level(
+    trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: bool, drift: float
+) -> Level | None:
     """Noise of one recording; None if its intervals are too few or too short."""
     known = trains.spikes[good & (trains.spikes > 0)]
     if not known.size:
@@ -144,7 +170,7 @@ def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: boo
     typical = float(np.median(mean[good & (trains.spikes > 1)]))
     if typical - dead <= 0:
         return None
-    one = _Sum(trains, good, 1, fewest, dead)
+    one = _Sum(trains, good, 1, fewest, dead, drift)
     if not one.pixels.any():
         return None
     squared, k = one.solve(0.0).value, 1
@@ -156,8 +182,11 @@ def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: boo
     for _ in range(4):  # a longer sum shows the noise better, which then says how long it must be
         variance = max(squared, 1e-12) * (typical - dead) ** 2
         wanted = math.ceil((1 / 6 + 2 * added.value) / variance)
-        k = int(np.clip(wanted, 3 if timing else 1, max(fewest // 3, 1)))
-        long = _Sum(trains, good, k, fewest, dead)
+        most = max(fewest // 3, 1)
+        if drift:  # whose part in a sum grows with its square
+            most = min(most, max(round(_DRIFTING / typical), 3))
+        k = int(np.clip(wanted, 3 if timing else 1, most))
+        long = _Sum(trains, good, k, fewest, dead, drift)
         if timing:
             estimate, added = _with_timing(one, long)
         else:
@@ -165,14 +194,14 @@ def _level(trains: Trains, good: npt.NDArray[np.bool_], dead: float, timing: boo
         squared = estimate.value
     jitter = added
     if not timing:
-        apart = _Sum(trains, good, max(k, 3), fewest, dead)
+        apart = _Sum(trains, good, max(k, 3), fewest, dead, drift)
         whole = apart.solve(0.0)
         # Timing noise is in both sums alike: one.excess = squared + 2 s^2 / m^2, and 1/k in k.
         short = one.solve(0.0, whole.value)
         scale = float((one.light[one.pixels] ** 2).mean()) / 2 / (1 - 1 / apart.k)
         error = _difference(one, apart, short, whole) * scale
         jitter = Estimate((short.value - whole.value) * scale, error)
-    shifted = _Sum(trains, good, long.k, fewest, dead + 0.01).solve(2 * added.value).value
+    shifted = _Sum(trains, good, long.k, fewest, dead + 0.01, drift).solve(2 * added.value).value
     slope = (shifted - long.solve(2 * added.value).value) / 0.01
     return Level(trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared))
 
@@ -187,12 +216,18 @@ class _Sum:
     """
 
     def __init__(
-        self, trains: Trains, good: npt.NDArray[np.bool_], k: int, fewest: int, dead: float
-    ) -> None:
+        self, trains: Trains, good: npt.NDArray[np.bool_], k: int, fewest: int, dead: float,
+        drift: float,
+    ) -> None:  # fmt: skip
         self._sums = trains.sums(k, max(fewest // k, 2), good)
         self.pixels, self.k = self._sums.used, k
         self._mean = trains.intervals
         self.light = self._mean - dead
+        self._drifted: Values | float = 0.0
+        if drift and self.pixels.any():
+            sums = k * self._mean[self.pixels]
+            share = drift_variance(max(round(float(np.median(sums))), 1), self.blocks)
+            self._drifted = drift**2 * share * sums**2
 
     def solve(self, timing: float, start: float | None = None) -> Estimate:
         """sigma^2 if the latch's instants give each sum the variance `timing` = 2 s^2, cycles^2;
@@ -203,7 +238,7 @@ class _Sum:
         for _ in range(_ROUNDS if start is None else 1):
             variance = max(squared, 0.0) * light**2
             expected = sample_variance(mean, variance, self.k, self.blocks, timing)
-            rest = self._sums.variance[used] - expected + self.k * variance
+            rest = self._sums.variance[used] - self._drifted - expected + self.k * variance
             squared = float(rest.sum() / weight.sum())
         self.residual = rest - squared * weight
         self.weight = float(weight.sum())

@@ -24,6 +24,9 @@ from cosim.report.summary import Answer, big, listed, paragraph, summary
 from cosim.run.result import dumps, viform_version
 from sensor.calibrate.calibration import Calibration
 from sensor.calibrate.histograms import Histogram
+from sensor.calibrate.known import Parameter
+from sensor.calibrate.twin import FILMS, LEVEL, Twin, compare_twin
+from sensor.device.pattern import CORRELATED
 
 _BLUE: Final = "#2f5fa8"
 _SHOWN: Final = 1e-7
@@ -120,6 +123,12 @@ def preset_text(result: Calibration) -> str | None:
     dead = found["dead_time"].value
     if isinstance(dead, float):
         sensor["dead_time"] = Quantity("time").write(dead)
+    if result.duplicated:
+        sensor["duplicated_rows"] = [list(pair) for pair in result.duplicated]
+    for name in ("drift", "row_jitter", "row_band", "row_band_width"):
+        value = found[name].value if name in found else None
+        if isinstance(value, float) and (name != "drift" or found[name].ci[0]):
+            sensor[name] = value
     pattern: dict[str, Any] = {}
     of_threshold: dict[str, Any] = {"interval_noise": noise}
     for names, section in (
@@ -135,6 +144,7 @@ def preset_text(result: Calibration) -> str | None:
         if isinstance(spread, float):
             pattern["prnu"] = spread
             lines.append("PRNU and spread of the threshold are not told apart: prnu is both")
+    pattern |= _lines_of(found, pattern)
     if pattern.get("hot_pixels") and "hot_current" not in of_threshold:
         del pattern["hot_pixels"]
     lines += [
@@ -144,6 +154,27 @@ def preset_text(result: Calibration) -> str | None:
     sensor["pattern"] = pattern
     head = "".join(f"# {line}\n" for line in lines)
     return head + tomli_w.dumps({"sensor": sensor, "of_threshold": of_threshold})
+
+
+def _lines_of(found: dict[str, Parameter], pattern: dict[str, Any]) -> dict[str, Any]:
+    """Keys of rows, columns and neighbours, and the PRNU that is left beside rows and columns."""
+
+    def value(name: str) -> float:
+        given = found[name].value if name in found else None
+        return given if isinstance(given, float) else 0.0
+
+    prnu, lines = pattern.get("prnu", 0.0), {n: value(n) for n in ("row_fpn", "column_fpn")}
+    left = prnu**2 - lines["row_fpn"] ** 2 - lines["column_fpn"] ** 2
+    out: dict[str, Any] = {name: size for name, size in lines.items() if size}
+    if left <= 0:
+        return out
+    if out:
+        out["prnu"] = left**0.5
+    for name in ("neighbours_in_row", "neighbours_in_column"):
+        alike = value(name) * max(value("gain_spread") ** 2 / left, 1.0)
+        if alike:
+            out[name] = min(alike, CORRELATED)
+    return out
 
 
 _MAIN: Final = ("interval_noise", "threshold", "prnu", "dark_current", "dead_time")
@@ -235,6 +266,9 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
         with atomic_write(folder / "camera.toml") as part:
             part.write_text(preset, encoding="utf-8")
         files.append("camera.toml")
+    twin = None
+    if preset is not None and result.still is not None:
+        twin = compare_twin(*result.still, folder / "camera.toml")
     data = None
     if result.histograms:
         data = intervals_figure(result.histograms, folder / _FIGURE)
@@ -245,8 +279,9 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
         f"viform {viform_version()}; limits hold with 95 % confidence",
         answers(result, time.perf_counter() - began),
     )  # fmt: skip
-    write_page(folder, _TITLE, head, _sections(result, folder, preset, data))
+    write_page(folder, _TITLE, head, _sections(result, folder, preset, data, twin))
     document = {"version": viform_version(), **result.document(),
+                "twin": None if twin is None else twin.document(),
                 "files": [*files, "report.html", "result.json"]}  # fmt: skip
     with atomic_write(folder / "result.json") as part:
         part.write_text(dumps(document) + "\n", encoding="utf-8")
@@ -254,9 +289,10 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
 
 
 def _sections(
-    result: Calibration, folder: Path, preset: str | None, data: Data | None
+    result: Calibration, folder: Path, preset: str | None, data: Data | None, twin: Twin | None
 ) -> str:  # fmt: skip
-    """HTML of the sections. data: what the figure shows, None without one."""
+    """HTML of the sections. data: what the figure shows, None without one; twin: the comparison of
+    the preset with the recording, None without one."""
     known = [p for p in result.parameters.values() if p.known]
     unknown = [p for p in result.parameters.values() if not p.known]
     fits = listed(result.does_not_fit)
@@ -285,6 +321,20 @@ def _sections(
             table(["recording", "spikes a cycle", "chi-square", "bins", "p", "misplaced"], rows),
             "<h2>What does not fit</h2>",
             fits or "<p>Nothing: all deviations are within chance.</p>",
+        ]
+    if twin is not None:
+        rows = [
+            [each.name, number(each.recording, 3), number(each.twin, 3), number(each.spread, 2),
+             number(each.chance, 2), "told" if each.told else ""]
+            for each in twin.statistics
+        ]  # fmt: skip
+        body += [
+            "<h2>The twin beside the recording</h2>",
+            f"<p>The preset was filmed {FILMS} times under the recording's light, with other seeds "
+            f"and devices, {count(twin.cycles)} cycles each. p is the chance that one more film is "
+            f"as far away as the recording; all are judged together at {percent(LEVEL)}. "
+            f"{html.escape(twin.verdict[0].upper() + twin.verdict[1:])}.</p>",
+            table(["statistic", "recording", "twin", "spread of its films", "p", ""], rows),
         ]
     body += [
         "<h2>Recordings</h2>",

@@ -27,8 +27,14 @@ from cosim.errors import InputError, quote, shorten
 
 BUILT_IN: Final = ("ideal", "silicon")
 """Presets that are no files."""
-SENSOR: Final = ("width", "height", "clock", "threshold", "reset", "dead_time")
-PATTERN: Final = ("prnu", "threshold_fpn", "dsnu", "hot_pixels", "dead_pixels")
+SENSOR: Final = (
+    "width", "height", "clock", "threshold", "reset", "dead_time", "duplicated_rows", "drift",
+    "row_jitter", "row_band", "row_band_width",
+)  # fmt: skip
+PATTERN: Final = (
+    "prnu", "threshold_fpn", "dsnu", "hot_pixels", "dead_pixels", "row_fpn", "column_fpn",
+    "neighbours_in_row", "neighbours_in_column",
+)  # fmt: skip
 OF_THRESHOLD: Final = ("interval_noise", "dark_current", "hot_current")
 _ROUNDING: Final = 1e-6
 """Relative excess of shot noise over the noise of the file that is rounding of its digits."""

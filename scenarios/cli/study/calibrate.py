@@ -120,6 +120,8 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> list[s
         lines += ["", "what does not fit"]
         lines += [f"  {line}" for line in result.does_not_fit or ("nothing",)]
     lines += ["", *result.notes] if result.notes else [""]
+    if document["twin"] is not None:
+        lines.append(document["twin"]["verdict"])
     preset = folder / "camera.toml"
     lines.append(f"{folder / 'report.html'}")
     if "camera.toml" in document["files"]:
