@@ -10,7 +10,7 @@ are kept beside them, and of a program only files with a sum that is right are l
     sums/KEY                         ours, of each program: its folder, and its files
 
 A program's folder is the one that PoCL touches while it builds it. Processes build new programs one
-after another, so that there is one such folder. The files of a program are added to its sums after
+after another, so that there is one such folder without sums. The files of a program are added to its sums after
 it is built, and when the process ends. What a process left that was killed has no sum; it is
 dropped as soon as no process uses the cache, and so is what no sum names.
 """
@@ -108,6 +108,9 @@ class PoclFiles:
         before = self._accessed()
         yield
         found = [name for name, when in self._accessed().items() if before.get(name) != when]
+        if len(found) > 1:  # other processes build programs that have sums
+            named = {record["folder"] for record in _records(self._folder).values()}
+            found = [name for name in found if name not in named]
         if len(found) == 1:
             self._used[key] = {"folder": found[0], "files": {}}
             self.keep()

@@ -24,7 +24,8 @@ from scenarios.python.frames import is_whole
 from sensor.codec.files import open_any
 from sensor.reconstruct import METHODS, isi, tau_levels
 from sensor.reconstruct import reconstruct as image_of
-from sensor.reconstruct.intervals import interval_span
+from sensor.reconstruct.catalogue import TAU, check_ties
+from sensor.reconstruct.intervals import Ties, interval_span
 
 _UNLATCHED: Final = (f"stream{ENDING}", f"stream{INTENSITIES}")
 """Recordings of pixels without a latch in the folder of a run."""
@@ -142,7 +143,7 @@ def save_stream(
 @in_python
 def reconstruct(
     stream: SpikeStream | str | os.PathLike[str], at: int, method: str = "tfp", *,
-    window: int | None = None, preceding: bool = False,
+    window: int | None = None, preceding: bool = False, ties: Ties = "before",
 ) -> npt.NDArray[np.float32]:  # fmt: skip
     """The image at an instant, as `viform image` makes it.
 
@@ -153,6 +154,8 @@ def reconstruct(
         method: "tfp", "tfi", "tfstp", "motion-tfp", or "tau" (255 - tau).
         window: cycles; None for the default of the method.
         preceding: whether no spike after the instant is used.
+        ties: interval that "tfi" and "tau" take of a pixel that fires at the instant: the one that
+            this spike ends, "before", or the one that it begins, "after".
 
     Returns:
         (H, W) float32: spikes a cycle; for tau, its levels from 0 to 255.
@@ -167,11 +170,14 @@ def reconstruct(
         raise InputError("at", "the number of a cycle", quote(at), "round it") from None
     if window is not None and not is_whole(window):
         raise InputError("window", "a whole number of cycles", quote(window), "round it")
-    names = (*METHODS, "tau")
+    names = (*METHODS, TAU)
     if method not in names:
         raise InputError("method", f"one of {', '.join(names)}", quote(method), "choose one")
-    if method == "tau":
+    if method == TAU:
+        check_ties(ties, method)
         span = interval_span(opened, cycle, window, preceding=preceding)
-        return tau_levels(isi(opened, cycle, span)).astype(np.float32)
+        return tau_levels(isi(opened, cycle, span, ties)).astype(np.float32)
     light = dim_of_run(opened.path) if isinstance(opened, Stream) else None
-    return image_of(opened, method, cycle, window, preceding=preceding, dim_light=light).rate
+    return image_of(
+        opened, method, cycle, window, preceding=preceding, ties=ties, dim_light=light
+    ).rate

@@ -6,6 +6,7 @@ import struct
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +20,7 @@ from scenarios.assemble.source.recording.opening import known_white
 from scenarios.studies.compare.measure import still_blur
 from sensor.reconstruct import METHODS, reconstruct
 from sensor.reconstruct.fidelity import psnr, ssim, to_white
+from sensor.reconstruct.intervals import TIES, Ties
 from sensor.reconstruct.readings import DimLight
 
 Truths = Mapping[int, Plane]
@@ -74,12 +76,15 @@ def compare_methods(
     white: float,
     dim_light: DimLight | None = None,
     progress: Progress | None = None,
+    *,
+    ties: Ties = "before",
 ) -> list[MethodRow]:
     """A row for each of `METHODS`. One with a choice of windows has the one of the best PSNR.
 
     Args:
         white: spikes a cycle of white.
         dim_light: how dim pixels are imaged; None for from spikes alone.
+        ties: interval of TFI of a pixel that fires at the instant; see `interval_image`.
 
     Raises:
         InputError: the stream does not hold an instant, or is too small for a method.
@@ -93,21 +98,23 @@ def compare_methods(
     rows, done = [], 0
     for name, windows in fitting.items():
         reached = {}
+        held = ties if METHODS[name].ties else TIES[0]
+        image = partial(reconstruct, stream, name, ties=held, dim_light=dim_light)
         for window in windows:
-            made = [reconstruct(stream, name, at, window, dim_light=dim_light) for at in truths]
-            light = [to_white(image.rate, white) for image in made]
+            made = [image(at, window) for at in truths]
+            light = [to_white(each.rate, white) for each in made]
             reached[window] = float(np.mean(list(map(psnr, light, truths.values()))))
             done += 1
             if progress is not None:
                 progress.advance(done)
         best = max(reached, key=lambda window: reached[window])
         begin = time.process_time()  # all is compiled by now
-        made = [reconstruct(stream, name, at, best, dim_light=dim_light) for at in truths]
+        made = [image(at, best) for at in truths]
         spent = (time.process_time() - begin) / len(truths)
-        light = [to_white(image.rate, white) for image in made]
+        light = [to_white(each.rate, white) for each in made]
         widths = [
-            still_blur(image, truth.astype(float))
-            for image, truth in zip(light, truths.values(), strict=True)
+            still_blur(seen, truth.astype(float))
+            for seen, truth in zip(light, truths.values(), strict=True)
         ]
         edges = [width for width in widths if width is not None]
         pixels = len(truths) * light[0].size

@@ -11,13 +11,17 @@ import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream
-from sensor.reconstruct.intervals import tfi
+from sensor.reconstruct.intervals import TIES, Ties, tfi
 from sensor.reconstruct.motion import ALIGNED, motion_tfp
 from sensor.reconstruct.plasticity import MEMORY, tfstp
 from sensor.reconstruct.playback import PLAYED, tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
 
-Make = Callable[[SpikeStream, int, Any, bool], "Image"]
+Make = Callable[[SpikeStream, int, Any, bool, Ties], "Image"]
+
+
+TAU: Final = "tau"
+"""Method whose image is no rate, and which is not in `METHODS`: 255 - tau."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +50,10 @@ class Method:
     Attributes:
         title: what it is.
         window: cycles by default; None for no window.
-        make: the image of (stream, cycle, window, preceding); the window is None only if that of
-            the method is.
+        make: the image of (stream, cycle, window, preceding, ties); the window is None only if
+            that of the method is.
         precedes: whether it has a form that uses no spike after the instant.
+        ties: whether it takes the interval that holds the instant.
         best: windows among which `viform compare-methods` searches; empty for the default alone.
     """
 
@@ -56,6 +61,7 @@ class Method:
     window: int | None
     make: Make
     precedes: bool = True
+    ties: bool = False
     best: tuple[int, ...] = ()
 
 
@@ -64,21 +70,21 @@ def _cycles(stream: SpikeStream, at: int, window: int, preceding: bool) -> int:
     return stop - first
 
 
-def _tfp(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+def _tfp(stream: SpikeStream, at: int, window: int, preceding: bool, ties: Ties) -> Image:
     cycles = _cycles(stream, at, window, preceding)
     return Image(tfp(stream, at, window, preceding=preceding), cycles)
 
 
-def _tfi(stream: SpikeStream, at: int, window: int | None, preceding: bool) -> Image:
+def _tfi(stream: SpikeStream, at: int, window: int | None, preceding: bool, ties: Ties) -> Image:
     cycles = None if window is None else _cycles(stream, at, window, preceding)
-    return Image(tfi(stream, at, window, preceding=preceding), cycles)
+    return Image(tfi(stream, at, window, preceding=preceding, ties=ties), cycles)
 
 
-def _tfstp(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+def _tfstp(stream: SpikeStream, at: int, window: int, preceding: bool, ties: Ties) -> Image:
     return Image(tfstp(stream, at, window, preceding=preceding), _cycles(stream, at, window, True))
 
 
-def _motion(stream: SpikeStream, at: int, window: int, preceding: bool) -> Image:
+def _motion(stream: SpikeStream, at: int, window: int, preceding: bool, ties: Ties) -> Image:
     found, cycles = motion_tfp(stream, at, window), _cycles(stream, at, window, False)
     return Image(found.rate, cycles, int(found.plain.sum()), int(found.one_sided.sum()))
 
@@ -89,13 +95,25 @@ METHODS: Final = {
         best=(3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 31, 35, 41, 51, 61, 81, 101, 121, 141,
               161, 201, 241, 281, 321, 401, 501),
     ),
-    "tfi": Method("1/ISI of the interval that holds the instant", None, _tfi),
+    "tfi": Method("1/ISI of the interval that holds the instant", None, _tfi, ties=True),
     "tfstp": Method("short-term plasticity", MEMORY, _tfstp),
     "motion-tfp": Method(
         "mean of a window that follows the motion", ALIGNED, _motion, precedes=False,
         best=(61, 81, 121, 161, 201, 241, 321, 401, 501),
     ),
 }  # fmt: skip
+
+
+def check_ties(ties: str, method: str) -> Ties:
+    """The ties of this name. Raises InputError for none, or if the method does not have them."""
+    chosen = next((each for each in TIES if each == ties), None)
+    if chosen is None:
+        raise InputError("--ties", f"one of {', '.join(TIES)}", repr(ties), "choose one")
+    intervals = [name for name, each in METHODS.items() if each.ties] + [TAU]
+    if chosen != TIES[0] and method not in intervals:
+        names = " or ".join(intervals)
+        raise InputError("--ties", f"given with --method {names}", f"with {method}", "leave it out")
+    return chosen
 
 
 def reconstruct(
@@ -105,6 +123,7 @@ def reconstruct(
     window: int | None = None,
     *,
     preceding: bool = False,
+    ties: Ties = "before",
     dim_light: DimLight | None = None,
 ) -> Image:
     """The image of a stream at cycle `at`.
@@ -113,6 +132,7 @@ def reconstruct(
         method: a name of `METHODS`.
         window: cycles; None for the default of the method.
         preceding: no spike after the instant is used.
+        ties: interval of a pixel that fires at the instant: the one before it, or the one after.
         dim_light: how dim pixels are imaged; None for from spikes alone.
 
     Raises:
@@ -127,7 +147,8 @@ def reconstruct(
         raise InputError(
             "--preceding", f"given with --method {names}", f"with {method}", "leave it out"
         )
-    image = chosen.make(stream, at, chosen.window if window is None else window, preceding)
+    check_ties(ties, method)
+    image = chosen.make(stream, at, chosen.window if window is None else window, preceding, ties)
     if dim_light is None:
         return image
     dim = dim_light.at(stream, at)

@@ -2,13 +2,15 @@
 al., ICME 2019; Huang 2022 section 3.3.2), and the paper's own rendering of it, 255 - tau.
 
 A spike latched in cycle c ends the interval that gathered its charge, so the interval that holds
-cycle n runs from the last spike before n (excluded) to the first spike at or after n.
+cycle n runs from the last spike before n (excluded) to the first spike at or after n. If n itself
+has a spike, two intervals meet there. By default it belongs to the one that this spike ends; with
+ties "after", as in the field's public code, to the one that it begins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +19,9 @@ from numba import njit
 from cosim.spikes.viform import WORD, SpikeStream, words_for
 from sensor.reconstruct.playback import check_cycle, tfp_span
 
+Ties = Literal["before", "after"]
+"""Interval of an instant that has a spike: the one that it ends, or the one that it begins."""
+TIES: Final[tuple[Ties, ...]] = ("before", "after")
 _NONE = -1
 WHITEST: Final = 255
 Cycles = npt.NDArray[np.int64]
@@ -86,17 +91,22 @@ def _search(stream: SpikeStream, cycles: Cycles, within: tuple[int, int], *, aft
 
 
 def interval_image(
-    stream: SpikeStream, at: int, within: tuple[int, int] | None = None
+    stream: SpikeStream,
+    at: int,
+    within: tuple[int, int] | None = None,
+    ties: Ties = "before",
 ) -> tuple[Cycles, Cycles]:
     """Spikes that begin and end the interval holding cycle `at`: two (H, W) int64 of cycles.
 
     Before a pixel's first spike or after its last one no whole interval holds the instant: the
     nearest whole one is given. A pixel with fewer than two spikes has none: (-1, -1).
-    within: (first, stop) cycles whose spikes count; None for all.
+    within: (first, stop) cycles whose spikes count; None for all. ties: of pixels that fire in
+    cycle `at`.
     """
     check_cycle(stream, at)
     span = (0, stream.cycles) if within is None else within
-    instant = np.full(stream.shape[0] * stream.shape[1], max(at, span[0]), np.int64)
+    first = max(at + (ties == "after"), span[0])  # from here on, a spike ends the interval
+    instant = np.full(stream.shape[0] * stream.shape[1], first, np.int64)
     begin, end = (_search(stream, instant, span, after=after) for after in (False, True))
     lacks_begin, lacks_end = begin == _NONE, end == _NONE
     if not lacks_begin.any() and not lacks_end.any():  # away from the ends, as a rule
@@ -123,24 +133,32 @@ def least_width(stream: SpikeStream, at: int) -> Cycles:
     return (np.where(end == _NONE, stream.cycles, end) - begin).reshape(stream.shape)
 
 
-def isi(stream: SpikeStream, at: int, within: tuple[int, int] | None = None) -> Cycles:
-    """Length in cycles of the interval that holds cycle `at`; 0 where a pixel has none. within: as
-    of `interval_image`."""
-    begin, end = interval_image(stream, at, within)
+def isi(
+    stream: SpikeStream,
+    at: int,
+    within: tuple[int, int] | None = None,
+    ties: Ties = "before",
+) -> Cycles:
+    """Length in cycles of the interval that holds cycle `at`; 0 where a pixel has none. within,
+    ties: as of `interval_image`."""
+    begin, end = interval_image(stream, at, within, ties)
     return end - begin
 
 
 def tfi(
-    stream: SpikeStream, at: int, window: int | None = None, *, preceding: bool = False
-) -> npt.NDArray[np.float32]:
+    stream: SpikeStream, at: int, window: int | None = None, *, preceding: bool = False,
+    ties: Ties = "before",
+) -> npt.NDArray[np.float32]:  # fmt: skip
     """1/ISI at cycle `at`: (H, W) float32, spikes a cycle; 0 where a pixel has no interval.
 
     Args:
         window: cycles, as of `tfp`, between whose spikes intervals are taken; None for all of the
             stream.
         preceding: no spike after cycle `at` is used: the last whole interval by then.
+        ties: interval of a pixel that fires in cycle `at`, as of `interval_image`.
     """
-    return interval_rate(isi(stream, at, interval_span(stream, at, window, preceding=preceding)))
+    span = interval_span(stream, at, window, preceding=preceding)
+    return interval_rate(isi(stream, at, span, ties))
 
 
 def interval_span(

@@ -32,6 +32,9 @@ def image(
     preceding: Annotated[
         bool, typer.Option("--preceding", help="use no spike after the instant")
     ] = False,
+    ties: Annotated[
+        str, typer.Option(help="interval of a spike at the instant (tfi, tau): before or after it")
+    ] = "before",
     longest: Annotated[
         str | None,
         typer.Option(help="cycles of tau that become black, or 'auto' for the longest [255]"),
@@ -60,12 +63,14 @@ def image(
     from sensor import isi, tau_levels
     from sensor.codec.files import open_any
     from sensor.reconstruct import METHODS, reconstruct
+    from sensor.reconstruct.catalogue import TAU, check_ties
     from sensor.reconstruct.intervals import interval_span
     from sensor.reconstruct.readings import DimLight
 
-    known = (*METHODS, "tau")
+    known = (*METHODS, TAU)
     if method not in known:
         raise InputError("--method", f"one of {', '.join(known)}", repr(method), "choose one")
+    held = check_ties(ties, method)
     check_figure(out, ".png", ".npy", option="--out")
     for option, value, remedy in (
         ("--scale", scale, "write the white_rate of the run"),
@@ -73,7 +78,7 @@ def image(
     ):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(option, "a number above 0", f"{value:g}", remedy)
-    if longest is not None and method != "tau":
+    if longest is not None and method != TAU:
         raise InputError("--longest", "given with --method tau", f"with {method}", "leave it out")
     if longest not in (None, "auto") and not (longest.isdecimal() and int(longest) > 0):
         raise InputError(
@@ -88,10 +93,10 @@ def image(
         light = replace(light or DimLight(), dark=dark_limit)
     black, used, plain, one_sided = None, None, None, None
     values: Any
-    if method == "tau":
+    if method == TAU:
         span = interval_span(opened, at, window, preceding=preceding)
         used = None if window is None or span is None else span[1] - span[0]
-        values = isi(opened, at, span)
+        values = isi(opened, at, span, held)
         # Readings are no intervals.
         dim = None if light is None else DimLight(dark=light.dark).at(opened, at)
         if dim is not None:
@@ -101,7 +106,9 @@ def image(
     else:
         if window is None:
             window = METHODS[method].window
-        made = reconstruct(opened, method, at, window, preceding=preceding, dim_light=light)
+        made = reconstruct(
+            opened, method, at, window, preceding=preceding, ties=held, dim_light=light
+        )
         values, dim, used, plain, one_sided = (
             made.rate, made.dim, made.cycles, made.plain, made.one_sided
         )  # fmt: skip
@@ -119,10 +126,11 @@ def image(
                 "stream": str(stream), "out": str(out), "method": method, "at": at,
                 "window": window, "window_cycles": used,
                 "preceding": None if method == "motion-tfp" else preceding, "longest": black,
+                "ties": held if method == TAU or METHODS[method].ties else None,
                 "sub_threshold_pixels": None if dim is None else int(dim.read.sum()),
                 "dark_pixels": None if dim is None else int(dim.dark.sum()),
                 "plain_pixels": plain, "one_sided_pixels": one_sided,
-                "scale": None if method == "tau" else scale,
+                "scale": None if method == TAU else scale,
                 "cycles": opened.cycles, "height": opened.shape[0], "width": opened.shape[1],
             }
         )  # fmt: skip

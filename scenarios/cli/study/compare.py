@@ -83,6 +83,9 @@ def compare_methods(
     scale: Annotated[
         float | None, typer.Option(help="--truth: rate of white, spikes a cycle [1]")
     ] = None,
+    ties: Annotated[
+        str, typer.Option(help="tfi: interval of a spike at the instant, before or after it")
+    ] = "before",
     size: Annotated[str | None, typer.Option(help="WxH of a stream without a header")] = None,
     json: Json = False,
 ) -> None:
@@ -98,7 +101,9 @@ def compare_methods(
     from scenarios.assemble.source.latched.dim import dim_of_run
     from scenarios.studies import methods
     from sensor.codec.files import open_any
+    from sensor.reconstruct.catalogue import check_ties
 
+    held = check_ties(ties, "tfi")
     if truth is not None and at is None:
         raise InputError("--at", "given with --truth", "absent", "add the cycle of its instant")
     for option, given in (("--at", at), ("--scale", scale)):
@@ -114,7 +119,8 @@ def compare_methods(
         truths, white = {at: methods.truth_of_file(truth, opened.shape)}, scale or 1.0
     progress = make_progress()
     try:
-        rows = methods.compare_methods(opened, truths, white, dim_of_run(stream), progress)
+        light = dim_of_run(stream)
+        rows = methods.compare_methods(opened, truths, white, light, progress, ties=held)
     finally:
         progress.close()
     for note in (*notes, *notes_of(opened)):
@@ -123,7 +129,7 @@ def compare_methods(
         print_document(
             {"stream": str(stream), "instants": list(truths), "white_rate": white,
              "cycles": opened.cycles, "height": opened.shape[0], "width": opened.shape[1],
-             "rows": [asdict(row) for row in rows]}
+             "ties": held, "rows": [asdict(row) for row in rows]}
         )  # fmt: skip
         return
     print(_methods_text(rows))

@@ -21,14 +21,15 @@ class Process:
         self._cache = cache
         self.files = PoclFiles(cache, own)
 
-    def build(self, key: str, folder: str) -> bool:
-        """Whether the program had to be compiled."""
+    def build(self, key: str, folder: str, meanwhile: Callable[[], object] = lambda: None) -> bool:
+        """Whether the program had to be compiled. meanwhile: what another process does."""
         place = self._cache / folder
         with self.files.building(key):
             compiled = not (place / "program.bc").exists()
             place.mkdir(parents=True, exist_ok=True)
             if compiled:
                 (place / "program.bc").write_bytes(b"program")
+            meanwhile()
             accessed = place / "last_accessed"
             accessed.touch()
             os.utime(accessed, ns=(0, accessed.stat().st_mtime_ns + SECOND))
@@ -109,6 +110,17 @@ def test_a_kernel_that_another_process_has_just_compiled_stays(tmp_path: Path) -
     first.end(killed=True)
     second.end()
     assert run(tmp_path) == [False, False]
+
+
+def test_a_program_that_is_built_while_another_process_builds_has_sums(tmp_path: Path) -> None:
+    run(tmp_path)
+    first, second = Process(tmp_path), Process(tmp_path)
+    assert first.build("two", "EF/GH", lambda: second.build("one", "AB/CD"))
+    assert first.launch("EF/GH")
+    first.end()
+    second.end()
+    sums = [json.loads(path.read_text()) for path in (tmp_path / "sums").glob("[!.]*")]
+    assert {each["folder"]: len(each["files"]) for each in sums} == {"AB/CD": 2, "EF/GH": 2}
 
 
 def test_a_program_that_is_lost_or_in_another_folder_is_compiled_again(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from cosim.files.npz import write_npz
 from cosim.stage import blocks
 from scenarios.assemble.schema.loading import filmed, load
 from scenarios.assemble.source.latched.setup import set_up_camera
+from scenarios.python import reconstruct as reconstruct_in_python
 from scenarios.studies.methods import truth_of_file
 from sensor import SpikeCamera, tfp
 from sensor.reconstruct import METHODS, reconstruct
@@ -112,6 +113,29 @@ def test_a_truth_of_the_user_is_met(known, viform):
     assert [line.split()[0] for line in lines[1:5]] == list(METHODS)
     eight = np.array([64, 128]) / 255 - np.array([1 / 4, 1 / 2])  # 8-bit levels of the truth
     assert lines[2].split()[1] == f"{-10 * np.log10(np.mean(eight**2)):.2f}"
+
+
+def test_the_interval_of_a_spike_at_the_instant_is_chosen(tmp_path, viform):
+    """Spikes 4 and 10 cycles apart: 1/4 before the one between, as by default, and 1/10 after."""
+    planes = np.zeros((20, 16, 24), np.uint8)
+    planes[[4, 8, 18]] = 1
+    stream, truth, out = (tmp_path / name for name in ("a.npz", "t.npy", "i.npy"))
+    write_npz(Viform.from_planes(planes, Clock(40_000)), stream)
+    np.save(truth, np.full((16, 24), 0.2))
+    for ties, cycles in (("before", 4), ("after", 10)):
+        words = [] if ties == "before" else ["--ties", ties]
+        assert viform("image", stream, "--at", 8, "--method", "tfi", "--out", out, *words).code == 0
+        assert (np.load(out) == np.float32(1 / cycles)).all()
+        made = [
+            reconstruct_in_python(stream, 8, method, ties=ties, preceding=preceding)[0, 0]
+            for method in ("tfi", "tau") for preceding in (False, True)
+        ]  # fmt: skip
+        assert made == [np.float32(1 / cycles), np.float32(1 / 4), 255 - cycles, 251]
+        given = ("--truth", truth, "--at", 8, "--scale", 1, "--json", *words)
+        told = json.loads(viform("compare-methods", stream, *given).out)
+        assert told["ties"] == ties and told["rows"][1]["method"] == "tfi"
+        expected = -20 * np.log10(abs(1 / cycles - 0.2))
+        assert told["rows"][1]["psnr_db"] == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.mark.parametrize(

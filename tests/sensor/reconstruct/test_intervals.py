@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from cosim import Clock, InputError, Viform
 from sensor import isi, tau_image, tfi, tfp
-from sensor.reconstruct.intervals import interval_image, spike_cycles
+from sensor.reconstruct.intervals import TIES, Ties, interval_image, spike_cycles
 
 CLOCK = Clock(40_000)
 streams = hnp.arrays(
@@ -20,28 +20,29 @@ streams = hnp.arrays(
 )
 
 
-def interval_of(bits: np.ndarray, at: int) -> tuple[int, int]:
-    """The definition: (last spike before `at`, first at or after it), else the nearest interval."""
+def interval_of(bits: np.ndarray, at: int, ties: Ties = "before") -> tuple[int, int]:
+    """The definition: (last spike before `at`, first at or after it), else the nearest interval.
+    With ties after: (last spike at or before it, first after it)."""
     cycles = np.flatnonzero(bits)
     if cycles.size < 2:
         return -1, -1
-    n = int(np.searchsorted(cycles, at))
+    n = int(np.searchsorted(cycles, at, "right" if ties == "after" else "left"))
     n = min(max(n, 1), cycles.size - 1)
     return int(cycles[n - 1]), int(cycles[n])
 
 
 @settings(max_examples=150, deadline=None)
-@given(streams, st.integers(0, 10**6))
-def test_intervals_follow_their_definition(planes: np.ndarray, pick: int) -> None:
+@given(streams, st.integers(0, 10**6), st.sampled_from(TIES))
+def test_intervals_follow_their_definition(planes: np.ndarray, pick: int, ties: Ties) -> None:
     stream, at = Viform.from_planes(planes, CLOCK), pick % len(planes)
-    begin, end = interval_image(stream, at)
+    begin, end = interval_image(stream, at, ties=ties)
     for place in np.ndindex(planes.shape[1:]):
-        expected = interval_of(planes[(slice(None), *place)], at)
+        expected = interval_of(planes[(slice(None), *place)], at, ties)
         assert (begin[place], end[place]) == expected
-    tau = isi(stream, at)
+    tau = isi(stream, at, ties=ties)
     assert np.array_equal(tau, end - begin)
     assert np.array_equal(
-        tfi(stream, at), np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32)
+        tfi(stream, at, ties=ties), np.where(tau > 0, 1 / np.maximum(tau, 1), 0).astype(np.float32)
     )
 
 

@@ -126,9 +126,9 @@ def test_image_says_with_json_what_it_did(viform, recording, tmp_path):
     answer = viform("image", recording, "--at", 30, "--method", "tau", "--out", out, "--json")
     assert json.loads(answer.out) == {
         "stream": str(recording), "out": str(out), "method": "tau", "at": 30, "window": None,
-        "window_cycles": None, "preceding": False, "longest": 255, "sub_threshold_pixels": None,
-        "dark_pixels": None, "plain_pixels": None, "one_sided_pixels": None, "scale": None,
-        "cycles": 61, "height": 8, "width": 16,
+        "window_cycles": None, "preceding": False, "longest": 255, "ties": "before",
+        "sub_threshold_pixels": None, "dark_pixels": None, "plain_pixels": None,
+        "one_sided_pixels": None, "scale": None, "cycles": 61, "height": 8, "width": 16,
     }  # fmt: skip
 
 
@@ -233,6 +233,10 @@ def test_a_dat_is_read_with_the_size_that_is_given(viform, recording, spikes, tm
          "--dark-limit must be a number above 0, not 0; leave it out for that of the run"),
         (["--at", 5, "--longest", "9"],
          "--longest must be given with --method tau, not with tfp; leave it out"),
+        (["--at", 5, "--ties", "after"],
+         "--ties must be given with --method tfi or tau, not with tfp; leave it out"),
+        (["--at", 5, "--method", "tfi", "--ties", "both"],
+         "--ties must be one of before, after, not 'both'; choose one"),
         (["--at", 5, "--size", "16"],
          "--size must be WIDTHxHEIGHT such as 400x250, not '16'; write it in this form"),
         (["--at", 5, "--size", "8x16"], "--size must be 16x8 for {stream}, not 8x16; leave it out"),
