@@ -39,7 +39,7 @@ class EbapsKind(ImagerKind):
         return EbapsModel(section)
 
     def design(self) -> Design:
-        from imagers.ebaps.device.registers import DESIGN
+        from imagers.ebaps.device.sequencer import DESIGN
 
         return DESIGN
 

@@ -28,7 +28,7 @@ from imagers.ebaps.device.exposure import (
     Linear,
     follow,
 )
-from imagers.ebaps.device.registers import DESIGN, HIGH_VOLTAGE
+from imagers.ebaps.device.sequencer import DESIGN, HIGH_VOLTAGE
 from imagers.ebaps.device.settling import settle, settling_exposure
 from imagers.ebaps.pixels import (
     PHOTOCATHODES,

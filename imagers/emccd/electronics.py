@@ -15,8 +15,13 @@ from cosim.report.drawn import Data, Value, save_figure, write_figure
 from cosim.report.figures import INK, LINE, MARK, subplots
 from cosim.report.parts import plot
 from cosim.run.result import Metric
-from imagers.emccd.device.potentiometer import SPI_SIGNALS, Potentiometer, word_clocks, word_edges
-from imagers.emccd.device.sine_drive import SineDrive
+from imagers.emccd.device.sine_drive import (
+    SPI_SIGNALS,
+    Potentiometer,
+    SineDrive,
+    word_clocks,
+    word_edges,
+)
 from imagers.emccd.device.supplies import INTERLOCKS, RAILS, Course, Supplies
 from imagers.emccd.pixels import HighVoltage
 from imagers.emccd.pixels.multiplication import GAIN_RANGE, GAIN_STEPS

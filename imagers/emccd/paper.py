@@ -10,9 +10,8 @@ from cosim.light.radiometry import photons_per_lux
 from cosim.run.printed import PrintedRow, listed, number, unprinted
 from imagers.emccd.device.controller import DESIGN
 from imagers.emccd.device.cooling import Cooler, run_cooling
-from imagers.emccd.device.potentiometer import Potentiometer, word_edges
 from imagers.emccd.device.sequencer import CounterSequencer, Cycle, Phase
-from imagers.emccd.device.sine_drive import SineDrive
+from imagers.emccd.device.sine_drive import Potentiometer, SineDrive, word_edges
 from imagers.emccd.device.supplies import Supplies, breaches
 from imagers.emccd.device.timing import (
     Settings,

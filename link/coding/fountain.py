@@ -27,11 +27,7 @@ from threading import Thread
 from typing import Final, ParamSpec, TypeVar
 
 from cosim.errors import InputError, shorten
-from link.coding.packed_file import (
-    MOST_BYTES,
-    Delivered,
-    unpack_file,
-)
+from link.coding.packed_file import MOST_BYTES, Delivered, unpack_file
 
 _UNSHARE: Final = 2
 """CLOSE_RANGE_UNSHARE (linux/close_range.h)."""

@@ -22,9 +22,7 @@ from link.detect.detector import Detector
 from link.detect.joint import Joint
 from link.layout import TRAINING, training
 from link.receiving.acquiring import Acquired, brightest_ticks, lit_span
-from link.receiving.gaps import (
-    learn_known,
-)
+from link.receiving.gaps import learn_known
 from link.receiving.phasing import followed_delay
 from link.receiving.recording import Recording
 from link.receiving.refining import TagArt, shift_of

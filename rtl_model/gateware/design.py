@@ -15,13 +15,7 @@ from cosim.files.atomic import refusal
 from rtl_model.gateware.ethernet import Ethernet, Network, core_config
 from rtl_model.gateware.recipe import readme, recipe
 from rtl_model.gateware.targets import Target, baud_error, check_baud, fitted
-from rtl_model.gateware.top import (
-    CORE,
-    TOP,
-    constraints,
-    ethernet_top,
-    top_module,
-)
+from rtl_model.gateware.top import CORE, TOP, constraints, ethernet_top, top_module
 from rtl_model.geometry import Geometry
 from rtl_model.registers import csr_csv
 from rtl_model.synthesis import synthesise

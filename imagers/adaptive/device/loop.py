@@ -11,13 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from imagers.adaptive.device.decision import (
-    HALF_SCALE,
-    LONGEST,
-    Search,
-    decide,
-    highest,
-)
+from imagers.adaptive.device.decision import HALF_SCALE, LONGEST, Search, decide, highest
 from imagers.adaptive.device.registers import DEFAULT_LONGEST
 from imagers.adaptive.device.timing import CLOCK_HZ, MINIMUM_CLOCKS
 from imagers.adaptive.pixels import CmosSetting

@@ -22,14 +22,15 @@ from imagers.common.scenery import Scenery
 from imagers.common.trace import Signal, trace_ending, write_trace
 from imagers.emccd.device.controller import EmccdSequencer
 from imagers.emccd.device.cooling import Cooler
-from imagers.emccd.device.potentiometer import (
+from imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
+from imagers.emccd.device.sine_drive import (
     SPI_SIGNALS,
     Potentiometer,
+    RunningDrive,
+    SineDrive,
     word_clocks,
     word_edges,
 )
-from imagers.emccd.device.sequencer import SIGNALS, Cycle, signal_changes
-from imagers.emccd.device.sine_drive import RunningDrive, SineDrive
 from imagers.emccd.device.timing import Timing
 from imagers.emccd.pixels import EmccdExposed, EmccdPixels, HighVoltage
 

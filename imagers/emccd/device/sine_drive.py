@@ -1,4 +1,5 @@
-"""The high-voltage clock RPhi2HV: a sine, and the loop that holds its peak.
+"""The high-voltage clock RPhi2HV: a sine, the loop that holds its peak, and the digital
+potentiometer that sets the peak.
 
 Document 003: a high-frequency transformer makes the sine, a peak detector captures its maximum, and
 a resistor network feeds this back to the front end; the potentiometer in the network sets the peak.
@@ -16,12 +17,19 @@ With e = c/(1 - (1 - c) exp(-T/t_d)) the detector rests at D = e A. l = L/e and 
 the peak V of the step where the transformer is as calibrated; a drift x of it moves the peak by
 x/(1 + L (1 + x)) of V. V falls as the feedback rises, so 1 + L is proportional to 1/V. The time
 constant is t_a/(1 + L).
+
+The potentiometer has 256 steps and is configured over SPI. The document names no chip. The word,
+the edges and the wiper at power-on are those of a common one of 256 steps (MCP41xxx data sheet): 16
+bits, the most significant first, a command byte and a data byte. A bit is taken at the rising edge
+of the clock, and the wiper moves when the chip select rises. A word of another length, or with
+another command, moves nothing. Clock rate: assumed.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -30,6 +38,7 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim import InputError
+from imagers.common.trace import Signal
 from imagers.emccd.pixels import HighVoltage
 from imagers.emccd.pixels.multiplication import GAIN_STEPS
 
@@ -46,6 +55,16 @@ _EXACT: Final = 1e-9
 """V within which the peak counts as its steady state."""
 _State = tuple[float, float, float]
 """y, A, D in V."""
+_BITS: Final = 16
+_WRITE: Final = 0x11
+"""Command byte: C1 C0 = 01, write; P0 = 1, the only potentiometer."""
+_CARES: Final = 0x31
+"""Bits of the command byte that the chip looks at."""
+_MIDDLE: Final = 0x80
+_HALF: Final = 5
+"""System clocks of half a period of SPI: 1 MHz at 10 MHz; assumed."""
+SPI_SIGNALS: Final = (Signal("spi_select", before=1), Signal("spi_clock"), Signal("spi_data"))
+"""Chip select (low while a word passes), clock (low at rest), data."""
 
 
 @dataclass(frozen=True)
@@ -77,51 +96,6 @@ class DriveSettings:
     drift: float = -2e-3
     ripple: float = 1e-4
     ripple_frequency: float = 100e3
-
-
-class _Loop(NamedTuple):
-    """Coefficients of the loop at a step: W, l, top, 1 + x, c, exp(-T/t_d), and 1 - exp(-T/t) of
-    amplifier and transformer."""
-
-    wanted: float
-    feedback: float
-    top: float
-    strength: float
-    attack: float
-    decay: float
-    amplifier: float
-    tank: float
-
-
-@njit(cache=True, nogil=True)
-def _period(state: _State, loop: _Loop, ripple: float) -> _State:
-    y, peak, held = state
-    y += (loop.wanted - loop.feedback * held - y) * loop.amplifier
-    y = min(max(y, 0.0), loop.top)
-    peak += ((loop.strength + ripple) * y - peak) * loop.tank
-    held *= loop.decay
-    return y, peak, held + loop.attack * max(peak - held, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def _total(state: _State, loop: _Loop, count: int) -> tuple[_State, float]:
-    """State after `count` periods, and the sum of their peaks."""
-    total = 0.0
-    for n in range(count):
-        before = state
-        state = _period(state, loop, 0.0)
-        total += state[1]
-        moved = abs(state[0] - before[0]) + abs(state[1] - before[1]) + abs(state[2] - before[2])
-        if moved < 1e-14:  # at rest
-            return state, total + (count - 1 - n) * state[1]
-    return state, total
-
-
-@njit(cache=True, nogil=True)
-def _course(state: _State, loop: _Loop, ripple: Values, out: Values) -> None:
-    for n in range(out.shape[0]):
-        state = _period(state, loop, ripple[n])
-        out[n, 0], out[n, 1], out[n, 2] = state
 
 
 @dataclass(frozen=True)
@@ -299,3 +273,100 @@ class RunningDrive:
         self._state, total = _total(self._state, loop, edge - self._edge)
         self._edge = edge
         return float(total)
+
+
+class _Loop(NamedTuple):
+    """Coefficients of the loop at a step: W, l, top, 1 + x, c, exp(-T/t_d), and 1 - exp(-T/t) of
+    amplifier and transformer."""
+
+    wanted: float
+    feedback: float
+    top: float
+    strength: float
+    attack: float
+    decay: float
+    amplifier: float
+    tank: float
+
+
+@njit(cache=True, nogil=True)
+def _period(state: _State, loop: _Loop, ripple: float) -> _State:
+    y, peak, held = state
+    y += (loop.wanted - loop.feedback * held - y) * loop.amplifier
+    y = min(max(y, 0.0), loop.top)
+    peak += ((loop.strength + ripple) * y - peak) * loop.tank
+    held *= loop.decay
+    return y, peak, held + loop.attack * max(peak - held, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _total(state: _State, loop: _Loop, count: int) -> tuple[_State, float]:
+    """State after `count` periods, and the sum of their peaks."""
+    total = 0.0
+    for n in range(count):
+        before = state
+        state = _period(state, loop, 0.0)
+        total += state[1]
+        moved = abs(state[0] - before[0]) + abs(state[1] - before[1]) + abs(state[2] - before[2])
+        if moved < 1e-14:  # at rest
+            return state, total + (count - 1 - n) * state[1]
+    return state, total
+
+
+@njit(cache=True, nogil=True)
+def _course(state: _State, loop: _Loop, ripple: Values, out: Values) -> None:
+    for n in range(out.shape[0]):
+        state = _period(state, loop, ripple[n])
+        out[n, 0], out[n, 1], out[n, 2] = state
+
+
+def word_clocks() -> int:
+    """System clocks from the fall of the select to its rise, when the wiper moves."""
+    return (2 * _BITS + 1) * _HALF
+
+
+def word_edges(edge: int, code: int) -> Iterator[tuple[int, str, int]]:
+    """Yields (edge, signal, value) of the word that sets a code, from `edge` on, in order."""
+    if not 0 <= code <= 0xFF:
+        raise ValueError(f"code must be 0 to 255, not {code}")
+    word = _WRITE << 8 | code
+    yield edge, "spi_select", 0
+    for n in range(_BITS):
+        begin = edge + 2 * n * _HALF
+        yield begin, "spi_data", word >> (_BITS - 1 - n) & 1
+        yield begin + _HALF, "spi_clock", 1
+        yield begin + 2 * _HALF, "spi_clock", 0
+    yield edge + word_clocks(), "spi_select", 1
+
+
+class Potentiometer:
+    """The chip at the end of the wires, from power-on.
+
+    Attributes:
+        wiper: 0 to 255.
+        words: words that have moved the wiper.
+        refused: words that have not: of another length, or with another command.
+    """
+
+    def __init__(self) -> None:
+        self.wiper, self.words, self.refused = _MIDDLE, 0, 0
+        self._wires = {signal.name: signal.before for signal in SPI_SIGNALS}
+        self._shifted = self._count = 0
+
+    def change(self, signal: str, value: int) -> None:
+        """Takes one change of a wire."""
+        before, self._wires[signal] = self._wires[signal], value
+        if signal == "spi_select" and before and not value:
+            self._shifted = self._count = 0
+        elif signal == "spi_clock" and value and not before and not self._wires["spi_select"]:
+            self._shifted = (self._shifted << 1 | self._wires["spi_data"]) & 0xFFFF
+            self._count += 1
+        elif signal == "spi_select" and value and not before:
+            self._load()
+
+    def _load(self) -> None:
+        whole = self._count > 0 and self._count % _BITS == 0
+        if whole and self._shifted >> 8 & _CARES == _WRITE & _CARES:
+            self.wiper, self.words = self._shifted & 0xFF, self.words + 1
+        else:
+            self.refused += 1

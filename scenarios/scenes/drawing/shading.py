@@ -26,6 +26,9 @@ HALF = math.sqrt(KEY[0] ** 2 + KEY[1] ** 2 + (KEY[2] + 1) ** 2)
 
 PLAIN, CHECK, HAIR, SKIN = range(4)
 """Patterns of a surface."""
+ROW, COLUMN, SEED = 1, 2531, 619
+"""Steps through the table from one lattice point to the next. 2531 is near 4096 over the golden
+ratio: the nearest points with the same value are about 60 cells apart."""
 
 
 class Surface(NamedTuple):
@@ -71,9 +74,6 @@ def _table() -> Array:
 
 
 VALUES = _table()
-ROW, COLUMN, SEED = 1, 2531, 619
-"""Steps through the table from one lattice point to the next. 2531 is near 4096 over the golden
-ratio: the nearest points with the same value are about 60 cells apart."""
 
 
 def visible(cell: float, pixel: float) -> float:

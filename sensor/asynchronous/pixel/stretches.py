@@ -22,10 +22,7 @@ from numba import njit
 
 from cosim.compute.philox_compiled import random_words
 from cosim.compute.streams import Stream
-from sensor.asynchronous.pixel.gamma import (
-    tails,
-    xdensity,
-)
+from sensor.asynchronous.pixel.gamma import tails, xdensity
 
 LEAST: Final = 256
 """Intervals in the shortest stretch that is drawn at once."""

@@ -13,8 +13,7 @@ from imagers.common.registers import line_of
 from imagers.common.scenery import Course, Still
 from imagers.ebaps.board.timing import LIVE, Timing, region_bytes
 from imagers.ebaps.device.imager import Ebaps
-from imagers.ebaps.device.registers import DESIGN
-from imagers.ebaps.device.sequencer import bus_target
+from imagers.ebaps.device.sequencer import DESIGN, bus_target
 from imagers.ebaps.pixels import Chart, EbapsPixels, wanted_exposure
 from tests.imagers.ebaps.ideal_memory import IdealMemory
 from tests.rtl_model.registers.checks import faults

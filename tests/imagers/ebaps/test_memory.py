@@ -19,13 +19,7 @@ from imagers.ebaps.board.axi import (
     bursts_of,
     region_offset,
 )
-from imagers.ebaps.board.crossing import (
-    Clocks,
-    Path,
-    burst_clocks,
-    memory_load,
-    transfer,
-)
+from imagers.ebaps.board.crossing import Clocks, Path, burst_clocks, memory_load, transfer
 from imagers.ebaps.board.fifo import AsyncFifo
 from imagers.ebaps.board.memory import BurstMemory, Ddr, DdrPort
 from imagers.ebaps.board.timing import REGIONS, region_bytes

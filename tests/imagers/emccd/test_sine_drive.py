@@ -9,8 +9,14 @@ import pytest
 from cosim import InputError
 from imagers.common.scenery import Still
 from imagers.emccd.device.imager import Emccd
-from imagers.emccd.device.potentiometer import Potentiometer, word_clocks, word_edges
-from imagers.emccd.device.sine_drive import DriveSettings, RunningDrive, SineDrive
+from imagers.emccd.device.sine_drive import (
+    DriveSettings,
+    Potentiometer,
+    RunningDrive,
+    SineDrive,
+    word_clocks,
+    word_edges,
+)
 from imagers.emccd.electronics import ageing_codes
 from imagers.emccd.pixels import HighVoltage
 from tests.imagers.vcd import read_vcd

@@ -89,7 +89,7 @@ MUTANTS: dict[str, list[tuple[str, str, Fault]]] = {
         ("imagers.emccd.pixels.wells", "spill_lines", fixed(None)),
         ("imagers.emccd.pixels.multiplication", "HighVoltage.volts", moved(1.0)),
         (f"{EMCCD}.device.sequencer", "Cycle.after", scaled_property(2)),
-        (f"{EMCCD}.device.potentiometer", "word_edges",
+        (f"{EMCCD}.device.sine_drive", "word_edges",
          lambda right: lambda edge, code: right(edge, code & ~1)),
         (f"{EMCCD}.device.sine_drive", "SineDrive.loop_gain", scaled(0.5)),
         (f"{EMCCD}.device.sine_drive", "SineDrive.efficiency", scaled_property(1.01)),
