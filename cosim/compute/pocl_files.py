@@ -10,9 +10,9 @@ are kept beside them, and of a program only files with a sum that is right are l
     sums/KEY                         ours, of each program: its folder, and its files
 
 A program's folder is the one that PoCL touches while it builds it. Processes build new programs one
-after another, so that there is one such folder without sums. The files of a program are added to its sums after
-it is built, and when the process ends. What a process left that was killed has no sum; it is
-dropped as soon as no process uses the cache, and so is what no sum names.
+after another, so that there is one such folder without sums. The files of a program are added to
+its sums after it is built, and when the process ends. What a process left that was killed has no
+sum; it is dropped as soon as no process uses the cache, and so is what no sum names.
 """
 
 from __future__ import annotations
