@@ -1,36 +1,23 @@
-"""Compiled functions that use all cores may be called by several threads.
+"""Number of cores, and work on all of them.
 
-numba's own thread pool, which it takes where the machine has no OpenMP, ends the process if two
-threads enter it at once: with it such functions run one at a time. With another pool they run at
-once, so that one takes the cores that the other leaves.
-
-OpenMP reads its settings when numba first enters it. By default its threads wait for work in a busy
-loop: between the blocks of a run they would take the cores from OpenCL and from all other stages.
+Compiled functions work on rows that threads of ours share out, and not on threads of numba: several
+threads may call them, a forked process as well, and their compilation takes a third of the time.
 """
 
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, wraps
+from functools import cache
 from itertools import pairwise
 from typing import Any, Final, TypeVar
 
 from cosim.compute.cgroup import cores_in_groups
-from cosim.compute.forks import use
-from cosim.errors import InputError
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 _Given = TypeVar("_Given")
-_BUSY = threading.RLock()
 _LEAST: Final = 1 << 13
 """Values that one thread is through with before another has begun."""
-_SAFE: Final = ("omp", "tbb")
-"""numba's thread pools that several threads may enter at once."""
-
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 _limit = cache(cores_in_groups)
 
 
@@ -42,6 +29,13 @@ def cores() -> int:
     else:
         count = os.cpu_count() or 1
     return min(count, _limit() or count)
+
+
+def _threads() -> int:
+    """Number of threads for rows: one for each core, or fewer where the user or the parent of a
+    worker says so, in the variables of numba and OpenMP."""
+    wanted = (os.environ.get(name, "") for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS"))
+    return min([cores(), *(int(n) for n in wanted if n.isdecimal() and int(n))])
 
 
 if cores() < (os.cpu_count() or 1):  # PoCL takes a thread for each core of the machine
@@ -68,7 +62,7 @@ if hasattr(os, "register_at_fork"):  # a fork does not copy threads
 def by_rows(function: Callable[..., None], rows: int, *arguments: Any, least: int = _LEAST) -> None:
     """Calls function(first, stop, *arguments) for all rows, on all cores, or at once where there is
     little to do. The rows must be independent, and the function compiled without the interpreter
-    lock. With numba's own threads (parallel=True), its compilation takes three times as long.
+    lock (nogil=True).
 
     Args:
         function: compiled function.
@@ -79,8 +73,8 @@ def by_rows(function: Callable[..., None], rows: int, *arguments: Any, least: in
     if arguments and max(getattr(each, "size", 1) for each in arguments) <= least:
         function(0, rows, *arguments)
         return
-    count = cores()
-    edges = [rows * k // count for k in range(count + 1)]
+    count = _threads()
+    edges = sorted({rows * k // count for k in range(count + 1)})
     jobs = [_rows().submit(function, a, b, *arguments) for a, b in pairwise(edges)]
     for job in jobs:
         job.result()
@@ -97,38 +91,3 @@ def beside(work: Callable[[], _Given]) -> Callable[[], _Given]:
         return work
     begun = _beside().submit(work)
     return lambda: work() if begun.cancel() else begun.result()
-
-
-def _shared() -> bool:
-    """Whether several threads may enter numba's thread pool. It is not known before the first."""
-    import numba  # takes half a second, and its functions are there when this is called
-
-    try:
-        return numba.threading_layer() in _SAFE
-    except ValueError:
-        return False
-
-
-def all_cores(function: _Function) -> _Function:
-    """Decorator, above `njit(parallel=True)`, of a function that threads may call. It raises
-    InputError in a process that was forked from one that has called such a function, and if the
-    user has set a thread pool that the machine lacks."""
-
-    @wraps(function)
-    def alone(*given: Any) -> Any:
-        use("numba")
-        try:
-            if _shared():
-                return function(*given)
-            with _BUSY:
-                return function(*given)
-        except ValueError as exc:
-            if not str(exc).startswith("No threading layer could be loaded"):
-                raise
-            layer = os.environ.get("NUMBA_THREADING_LAYER", "")
-            raise InputError(
-                "NUMBA_THREADING_LAYER", "a thread pool of numba that this machine has",
-                repr(layer), "unset it",
-            ) from None  # fmt: skip
-
-    return alone  # type: ignore[return-value]  # the same signature

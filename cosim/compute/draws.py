@@ -184,11 +184,12 @@ def _draw(law: Callable[..., None], given: tuple[Any, ...], numbers: Numbers, fr
 
 def _flat(values: npt.ArrayLike, numbers: Numbers) -> Values:
     shaped = np.broadcast_to(np.asarray(values, np.float64), numbers.shape)
-    return np.ascontiguousarray(shaped).reshape(-1)
+    # Writable as well: a law would be compiled once more for arrays that are not.
+    return np.require(shaped, np.float64, ["C", "W"]).reshape(-1)
 
 
 def _pixels(numbers: Numbers) -> Numbers:
-    return np.ascontiguousarray(numbers, np.int64).reshape(-1)
+    return np.require(numbers, np.int64, ["C", "W"]).reshape(-1)
 
 
 def poisson(mean: npt.ArrayLike, numbers: Numbers, frame: int, seed: int, stream: Stream) -> Counts:

@@ -1,10 +1,9 @@
 """Processes beside this one: what a fork of it has lost, and the command of a child of Python.
 
-A fork copies the memory of OpenCL, OpenMP and OpenGL, but not their threads. The copy waits for
-them for ever, or ends: PoCL and Mesa hang, and GNU OpenMP ends the process. No library has a way to
-begin anew. So a forked process is refused what its parent has used before; it may do all else, such
-as read data sets and reconstruct images. A child is begun anew, and finds the same modules as this
-process.
+A fork copies the memory of OpenCL and OpenGL, but not their threads. The copy waits for them for
+ever: PoCL and Mesa hang. Neither has a way to begin anew. So a forked process is refused what its
+parent has used before; it may do all else, such as read data sets and reconstruct images. A child
+is begun anew, and finds the same modules as this process.
 """
 
 from __future__ import annotations

@@ -13,6 +13,9 @@ numba imports all that it can compile, 250 modules, before it reads a function f
 of each process. Code that is compiled needs none of them but the memory of arrays and the secret of
 Python's hashes, whose addresses it names. Here they are imported when something is compiled.
 
+numba compiles errors with long texts, and each function for a call from C: half and a tenth of the
+time of some of ours. Here it leaves both out (`_compile_less`).
+
 numba has no option for this. But it calls the entry point "init" of the group "numba_extensions"
 before it compiles anything (numba's manual, "Registering extensions with entry points"). Ours in
 `pyproject.toml` is `tolerate`; so nothing imports numba before it is needed.
@@ -24,14 +27,17 @@ import hashlib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 
 from cosim.compute.compiling import begin_compiling, end_compiling
+
+_PACKAGES: Final = ("cosim", "display", "imagers", "link", "rtl_model", "scenarios", "sensor")
 
 
 def tolerate() -> None:
@@ -49,6 +55,7 @@ def tolerate() -> None:
     class _Compiling(event.Listener):
         def on_start(self, event: Any) -> None:
             begin_compiling()
+            _compile_less()
 
         def on_end(self, event: Any) -> None:
             end_compiling()
@@ -106,6 +113,30 @@ def tolerate() -> None:
         (IndexDataCacheFile, _open_for_write),
     ):  # fmt: skip
         setattr(owner, function.__name__, function)
+
+
+@cache
+def _compile_less() -> None:
+    """From now on, numba leaves out what no function of ours needs. Called when numba compiles: all
+    that it compiles with is imported by then."""
+    from numba.core.lowering import Lower
+    from numba.np import arrayobj
+
+    # Where an array is assigned to a slice of another shape, the text of the error contains both
+    # shapes. To make it takes 3 s of compilation; the text for other targets is a constant.
+    long, short = (
+        getattr(arrayobj, f"ol_raise_with_shape_context_{target}") for target in ("cpu", "generic")
+    )
+    long.__code__ = short.__code__
+    # A function is compiled for Python, for other compiled functions, and for C, which is a tenth
+    # of the time. A user's own functions may be called from C.
+    for_c = Lower.create_cfunc_wrapper
+
+    def create_cfunc_wrapper(self: Any) -> None:
+        if self.func_ir.func_id.modname.partition(".")[0] not in _PACKAGES:
+            for_c(self)
+
+    setattr(Lower, create_cfunc_wrapper.__name__, create_cfunc_wrapper)
 
 
 def taken(function: FunctionType) -> str:

@@ -311,7 +311,7 @@ class Spectrum:
     def components(self, gain: npt.ArrayLike = 1.0) -> tuple[Values, Values]:
         """The frequency of the strongest bin, Hz, and the contrast of each component. `gain`:
         factor on the contrast of each bin, (bins,)."""
-        gains = np.broadcast_to(np.asarray(gain, np.float64), self.energy.shape)
+        gains = np.full(self.energy.shape, gain, np.float64)
         total, strongest = _components(self.energy, gains, self.group)
         return self.frequency[strongest], np.sqrt(total)
 

@@ -28,9 +28,9 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from cosim.compute.opencl import Device
 from link.coding.ldpc_decoding import decode_words, quantise_values
 from link.coding.ldpc_opencl import decode_on_device
@@ -48,9 +48,9 @@ LIFTINGS: Final = {
 }
 """Lifting size -> number of its set (table 5.3.2-1)."""
 _DATA_COLUMNS: Final = {1: 22, 2: 10}
-_BATCH = 8
-"""Words that share memory."""
 _U64 = np.uint64
+_START = np.int64(0)
+"""The first bit, of the type of the others: a literal would compile `_copy_bits` once more."""
 STEPS: Final = 4.0
 """Steps of a quantised soft value in a unit of natural logarithm."""
 ROUNDS: Final = 30
@@ -159,7 +159,10 @@ class Ldpc:
         if message.ndim != 2 or message.shape[1] * 8 != self.data_bits:
             raise ValueError(f"data must be (words, {self.data_bits // 8}), not {message.shape}")
         words = np.empty((len(message), self.word_bits // 8), np.uint8)
-        encode_words(message, *self.edges, self.lifting, self.data_columns, self.sent_data, words)
+        by_rows(
+            encode_words, len(message), message, *self.edges, self.columns, self.lifting,
+            self.data_columns, self.sent_data, words,
+        )  # fmt: skip
         return words
 
     def decode(
@@ -187,8 +190,11 @@ class Ldpc:
         data = np.empty((len(given), self.data_bits // 8), np.uint8)
         ok, spent = np.empty(len(given), np.bool_), np.empty(len(given), np.int32)
         if device is None:
-            shape = self.lifting, self.data_columns
-            decode_words(given, *self.schedule, *shape, rounds, data, ok, spent)
+            longest = int(np.diff(self.schedule[0]).max())
+            shape = self.columns, longest, self.lifting, self.data_columns
+            by_rows(
+                decode_words, len(given), given, *self.schedule, *shape, rounds, data, ok, spent
+            )
         else:
             decode_on_device(device, self, given, rounds, data, ok, spent)
         return data, ok, spent
@@ -243,43 +249,38 @@ def base_graph(number: int) -> Graph:
     return Graph(_DATA_COLUMNS[number], int(row[-1]) + 1, row, column, table[:, 2:].copy())
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def encode_words(data, row, column, shift, lifting, first, sent, words):  # type: ignore[no-untyped-def]
-    """Fills words, (n, word_bits / 8) uint8.
+@njit(cache=True, nogil=True)
+def encode_words(  # type: ignore[no-untyped-def]
+    w0, w1, data, row, column, shift, columns, lifting, first, sent, words
+):
+    """Fills words `w0` to `w1` of words, (n, word_bits / 8) uint8.
 
     Args:
         data: (n, data_bits / 8) uint8.
         row, column, shift: edges, int32, sorted by row.
+        columns: number of columns.
         lifting: Z.
         first: the first parity column.
         sent: bits of data in a word.
     """
-    for batch in prange(-(-len(data) // _BATCH)):
-        part = slice(batch * _BATCH, (batch + 1) * _BATCH)
-        _encode_batch(data[part], row, column, shift, lifting, first, sent, words[part])
-
-
-@njit(cache=True, nogil=True)
-def _encode_batch(data, row, column, shift, lifting, first, sent, words):  # type: ignore[no-untyped-def]
     parity = words.shape[1] * 8 - sent
     padded = np.zeros((first * lifting // 64 + 2) * 8, np.uint8)
     source = padded.view(np.uint64)
     out = np.zeros(words.shape[1] // 8 + 1, np.uint64)
     output = out.view(np.uint8)
-    bits = np.zeros((column.max() + 1, lifting // 32 + 2), np.uint64)
+    bits = np.zeros((columns, lifting // 32 + 2), np.uint64)
     total = np.zeros((lifting + 63) // 64, np.uint64)
     turned = np.zeros((lifting + 63) // 64, np.uint64)
-    for w in range(len(data)):
+    for w in range(w0, w1):
         for i in range(data.shape[1]):
             padded[i] = data[w, i]
         _encode(source, row, column, shift, lifting, first, bits, total, turned)
         for i in range(len(out)):
             out[i] = 0
-        _copy_bits(source, 2 * lifting, out, 0, sent)
+        _copy_bits(source, 2 * lifting, out, _START, sent)
         for c in range(-(-parity // lifting)):
             size = min(lifting, parity - c * lifting)
-            _copy_bits(bits[first + c], 0, out, sent + c * lifting, size)
+            _copy_bits(bits[first + c], _START, out, sent + c * lifting, size)
         for i in range(words.shape[1]):
             words[w, i] = output[i]
 
@@ -295,7 +296,7 @@ def _encode(source, row, column, shift, lifting, first, bits, total, turned):  #
     for c in range(first):
         for i in range(bits.shape[1]):
             bits[c, i] = 0
-        _copy_bits(source, c * lifting, bits[c], 0, lifting)
+        _copy_bits(source, c * lifting, bits[c], _START, lifting)
         _copy_bits(source, c * lifting, bits[c], lifting, lifting)
     # The sum of rows 0 to 3 has only one unknown: the first parity column, once.
     for i in range(len(total)):
@@ -358,5 +359,5 @@ def _set_column(bits, lifting, column):  # type: ignore[no-untyped-def]
     """Stores the first `lifting` bits twice in a column, uint64."""
     for i in range(len(column)):
         column[i] = 0
-    _copy_bits(bits, 0, column, 0, lifting)
-    _copy_bits(bits, 0, column, lifting, lifting)
+    _copy_bits(bits, _START, column, _START, lifting)
+    _copy_bits(bits, _START, column, lifting, lifting)

@@ -24,11 +24,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
-from numba import njit, prange, types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
-
-from cosim.compute.cores import all_cores
 
 if TYPE_CHECKING:
     from link.coding.ldpc import Ldpc
@@ -45,8 +43,6 @@ and far below SUM: a sum at its limit has forgotten how far it would be beyond, 
 127 it turned over as soon as one of them was taken off and came back smaller."""
 OFFSET: Final = 2
 """Offset of messages, steps: a half of a unit of natural logarithm."""
-_BATCH = 8
-"""Words that share the memory of a decoder."""
 _SUM, _OFFSET, _SOFT = np.int8(SUM), np.int8(OFFSET), np.int8(SOFT)
 _ZERO, _CAP = np.int8(0), np.int8(MESSAGE + OFFSET)
 _U64 = np.uint64
@@ -274,14 +270,30 @@ def _pack(posterior, lifting, hard, data):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _decode_batch(soft, starts, columns, shifts, lifting, first, rounds, data, ok, spent):  # type: ignore[no-untyped-def]
+def decode_words(  # type: ignore[no-untyped-def]
+    w0, w1, soft, starts, columns, shifts, wide, longest, lifting, first, rounds, data, ok, spent
+):
+    """Decodes words `w0` to `w1`.
+
+    Args:
+        soft: (n, word_bits) int8.
+        starts, columns, shifts: the schedule of the code.
+        wide: number of columns.
+        longest: largest number of a row's edges.
+        lifting: Z.
+        first: the first parity column.
+        rounds: largest number of rounds.
+        data: (n, data_bits / 8) uint8, filled.
+        ok: (n,) bool, filled.
+        spent: (n,) int32, rounds, filled.
+    """
     bits = data.shape[1] * 8
-    posterior = np.empty((columns.max() + 1) * 2 * lifting, np.int8)
+    posterior = np.empty(wide * 2 * lifting, np.int8)
     messages = np.empty((len(columns), lifting), np.int8)
-    extrinsic = np.empty(((starts[1:] - starts[:-1]).max(), lifting), np.int8)
+    extrinsic = np.empty((longest, lifting), np.int8)
     least, second = np.empty(lifting, np.int8), np.empty(lifting, np.int8)
     sign, hard = np.empty(lifting, np.int8), np.empty(bits, np.int8)
-    for w in range(len(soft)):
+    for w in range(w0, w1):
         _load(soft[w], lifting, bits, first, posterior)
         _fill(messages.reshape(-1), _ZERO)
         ok[w] = False
@@ -291,26 +303,3 @@ def _decode_batch(soft, starts, columns, shifts, lifting, first, rounds, data, o
             spent[w] += 1
             ok[w] = _holds(posterior, starts, columns, shifts, sign)
         _pack(posterior, lifting, hard, data[w])
-
-
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def decode_words(soft, starts, columns, shifts, lifting, first, rounds, data, ok, spent):  # type: ignore[no-untyped-def]
-    """Decodes words.
-
-    Args:
-        soft: (n, word_bits) int8.
-        starts, columns, shifts: the schedule of the code.
-        lifting: Z.
-        first: the first parity column.
-        rounds: largest number of rounds.
-        data: (n, data_bits / 8) uint8, filled.
-        ok: (n,) bool, filled.
-        spent: (n,) int32, rounds, filled.
-    """
-    for batch in prange(-(-len(soft) // _BATCH)):
-        part = slice(batch * _BATCH, (batch + 1) * _BATCH)
-        _decode_batch(
-            soft[part], starts, columns, shifts, lifting, first, rounds,
-            data[part], ok[part], spent[part],
-        )  # fmt: skip

@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.cores import by_rows
 from cosim.compute.opencl import Device
 from link.coding.adaptive_blocks import AdaptiveBlocks
 from link.coding.blocks import Blocks
@@ -288,6 +289,6 @@ class LdpcReader:
         data, ok, rounds = form.code.decode(soft, device=self._device)
         sent = form.code.encode(data)
         changed = np.empty_like(sent)
-        mark_changed(soft.view(np.uint64), sent, ok, changed)
+        by_rows(mark_changed, len(sent), soft.view(np.uint64), sent, ok, changed)
         count = int(np.count_nonzero(changed))
         return ReadWords(data, ok, ok.copy(), changed, count, int(rounds.sum()), form)

@@ -19,9 +19,9 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from link.coding.blocks import Blocks
 from link.coding.ldpc import STEPS, Ldpc
 from link.coding.ldpc_decoding import SOFT
@@ -29,10 +29,6 @@ from link.layout import PERIOD
 
 _Bytes = npt.NDArray[np.uint8]
 _Soft = npt.NDArray[np.int8]
-_CELLS: Final = 4096
-"""Cells that a thread takes at once."""
-_EIGHTS: Final = 64
-"""Eights of bits of all words that a thread takes at once."""
 _U64 = np.uint64
 _SIGNS, _REST = _U64(0x8080808080808080), _U64(0x7F7F7F7F7F7F7F7F)
 _TOGETHER: Final = _U64(0x0102040810204080)
@@ -123,7 +119,10 @@ class SoftBlocks(Blocks):
         """Fills out, (symbols, cells) int8, with the soft values of a group in steps
         (`link.coding.ldpc.quantise`), without the keystream."""
         stream = self.keystream(group)
-        store_group(np.ascontiguousarray(soft), stream, np.float32(STEPS), np.float32(SOFT), out)
+        by_rows(
+            _store_group, out.shape[1], np.ascontiguousarray(soft), stream, np.float32(STEPS),
+            np.float32(SOFT), out,
+        )  # fmt: skip
 
     def collect(self, row: _Soft) -> _Soft:
         """Soft values of the words, (words, word_bits), from those of a block without the
@@ -132,7 +131,8 @@ class SoftBlocks(Blocks):
         if not self.interleave:
             return used.reshape(self.words, -1)
         out = np.empty((self.words, self.code.word_bits), np.int8)
-        gather_words(used.reshape(-1, self.words), self.order, out.view(np.uint64))
+        eights = out.view(np.uint64)
+        by_rows(gather_words, eights.shape[1], used.reshape(-1, self.words), self.order, eights)
         return out
 
     def bits_of(self, marked: _Bytes) -> _Bytes:
@@ -159,10 +159,9 @@ def _store(soft, stream, bit, steps, most, out):  # type: ignore[no-untyped-def]
         out[c] = np.int8(np.rint(min(max(value, -most), most) * turn))
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
-    """Quantises the soft values of a group and takes its keystream off.
+@njit(cache=True, nogil=True)
+def _store_group(cell0, cell1, soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
+    """Quantises the soft values of a group's cells and takes their keystream off.
 
     Args:
         soft: (symbols, cells) float32.
@@ -171,11 +170,9 @@ def store_group(soft, stream, steps, most, out):  # type: ignore[no-untyped-def]
         most: largest number of steps.
         out: (symbols, cells) int8, filled.
     """
-    cells = soft.shape[1]
-    for part in prange(-(-cells // _CELLS)):
-        low, high = part * _CELLS, min((part + 1) * _CELLS, cells)
-        for s in range(soft.shape[0]):
-            _store(soft[s, low:high], stream[low:high], s, steps, most, out[s, low:high])
+    stream = stream[cell0:cell1]
+    for s in range(soft.shape[0]):
+        _store(soft[s, cell0:cell1], stream, s, steps, most, out[s, cell0:cell1])
 
 
 @njit(cache=True, nogil=True)
@@ -222,27 +219,25 @@ def _turn(rows, words, byte, out):  # type: ignore[no-untyped-def]
                     out[w + i, byte] = value
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def gather_words(row, order, out):  # type: ignore[no-untyped-def]
-    """Fills out, (words, word bits / 8) uint64, with the bits of words, eight bits' int8 each.
+@njit(cache=True, nogil=True)
+def gather_words(byte0, byte1, row, order, out):  # type: ignore[no-untyped-def]
+    """Fills bytes of out, (words, word bits / 8) uint64, with the bits of words, eight bits' int8
+    each.
 
     Args:
         row: (word bits, words) int8.
         order: (word bits,) p(b).
     """
-    words, eights = out.shape
-    for part in prange(-(-eights // _EIGHTS)):
-        held = np.zeros((8, -(-words // 8) * 8), np.int8)
-        for byte in range(part * _EIGHTS, min((part + 1) * _EIGHTS, eights)):
-            for i in range(8):
-                _copy(row[order[8 * byte + i]], held[i])
-            _turn(held.view(np.uint64), words, byte, out)
+    words = len(out)
+    held = np.zeros((8, -(-words // 8) * 8), np.int8)
+    for byte in range(byte0, byte1):
+        for i in range(8):
+            _copy(row[order[8 * byte + i]], held[i])
+        _turn(held.view(np.uint64), words, byte, out)
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def mark_changed(soft, sent, ok, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def mark_changed(w0, w1, soft, sent, ok, out):  # type: ignore[no-untyped-def]
     """Marks the decisions that differ from the words as sent. A bit without a soft value was not
     decided.
 
@@ -252,7 +247,7 @@ def mark_changed(soft, sent, ok, out):  # type: ignore[no-untyped-def]
         ok: (words,) bool, false for words of which nothing is marked.
         out: (words, word bytes) uint8, filled; bit b of a word is bit b % 8 of byte b // 8.
     """
-    for w in prange(len(sent)):
+    for w in range(w0, w1):
         if not ok[w]:
             out[w] = 0
             continue

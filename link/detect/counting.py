@@ -4,8 +4,8 @@ A symbol of a row consists of as many ticks as the mode has. The first is the on
 begins, which it shares with the previous symbol. The ticks are read in parts of up to PART ticks,
 each together with the CONTEXT ticks before it, so that a part is one table look-up.
 
-The kernels take arrays and not records: numba vectorises and parallelises these loops fully only
-for plain array arguments.
+The kernels take arrays and not records: numba vectorises these loops fully only for plain array
+arguments.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
 from link.detect.geometry import PLACES, SHARES
 
 PART: Final = 4
@@ -29,8 +28,8 @@ PAIRS: Final = 4
 _WIDTH: Final = PART + CONTEXT
 _PATTERNS: Final = 1 << _WIDTH
 _MASK: Final = _PATTERNS - 1
-_RUN: Final = 256
-"""Cells that a thread takes at once."""
+RUN: Final = 256
+"""Cells that share memory for their evidence."""
 STEEP, WIDE = np.float32(0.24904), np.float32(2.5068)
 """Linear approximation of ln(1 + e^-x): Cheng and Ottosson, IEEE VTC 2000."""
 
@@ -79,15 +78,15 @@ def _pattern_at(flat, size, count, at, bit):  # type: ignore[no-untyped-def]
     return (both >> (bit & 31)) & _MASK
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def count_patterns(  # type: ignore[no-untyped-def]
-    words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0, count, dx, dy,
-    share, counts,
+    region0, region1, words, start, known, first_symbol, shift, time, ticks, order, ends, x0, y0,
+    count, dx, dy, share, counts,
 ):  # fmt: skip
     """Counts patterns of known symbols by class. A symbol not wholly within the words is skipped.
 
     Args:
+        region0, region1: regions to count in, first and stop.
         words, start: (n, H, W) uint32 spikes, and the tick of their first bit.
         known: (n + 1, cells) bool, the previous symbol and n symbols.
         first_symbol: number of the first of the n symbols.
@@ -101,7 +100,7 @@ def count_patterns(  # type: ignore[no-untyped-def]
     """
     height, width = words.shape[1], words.shape[2]
     stop = words.shape[0] * 32
-    for region in prange(ends.size):
+    for region in range(region0, region1):
         begin = ends[region - 1] if region > 0 else 0
         for o in range(begin, ends[region]):
             cell = order[o]
@@ -163,21 +162,22 @@ def _chain(gains, ahead, out, cell, skipped, limit):  # type: ignore[no-untyped-
         off, on = off - most, on - most
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def add_evidence(  # type: ignore[no-untyped-def]
-    words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of, x0, y0,
-    count, dx, dy, share, whole, single, limit, out,
+    run0, run1, words, start, stop, first_symbol, symbols, skipped, shift, time, ticks, region_of,
+    reach, x0, y0, count, dx, dy, share, whole, single, limit, out,
 ):  # fmt: skip
     """Computes soft values of each cell's bits in the window of `symbols` from first_symbol on.
 
     Args:
+        run0, run1: runs of RUN cells to compute, first and stop.
         words, start, stop: (n, H, W) uint32 spikes, the tick of their first bit, and the number of
             ticks to read.
         first_symbol, symbols, skipped: the window, and the symbols before the first that is
             written.
         shift, time, ticks: shift, time and ticks as in `count_patterns`, shift (symbols, 2).
         region_of, x0, y0: (cells,) region and centre of each cell.
+        reach: farthest pixel of a cell from its centre.
         count, dx, dy, share: arrays of `geometry.Places`.
         whole: (regions, PHASES, parts, SHARES, patterns, PAIRS) float32 log likelihoods by pattern.
         single: (regions, PHASES, ticks, SHARES, contexts, 2, PAIRS) float32 log likelihoods by
@@ -191,12 +191,12 @@ def add_evidence(  # type: ignore[no-untyped-def]
     flat_words, flat_whole = words.reshape(-1), whole.reshape(-1)
     flat_count, flat_share = count.reshape(-1), share.reshape(-1)
     flat_dx, flat_dy = dx.reshape(-1), dy.reshape(-1)
-    most, parts, reach = dx.shape[3], whole.shape[2], max(np.abs(dx).max(), np.abs(dy).max())
+    most, parts = dx.shape[3], whole.shape[2]
     size, count_words = height * width, words.shape[0]
-    for run in prange(-(-cells // _RUN)):
+    for run in range(run0, run1):
         gains = np.empty((symbols, PAIRS), np.float32)
         ahead = np.empty((symbols, 2), np.float32)
-        for cell in range(run * _RUN, min((run + 1) * _RUN, cells)):
+        for cell in range(run * RUN, min((run + 1) * RUN, cells)):
             region = region_of[cell]
             for n in range(symbols):
                 x, y, qx, qy = place_of(x0[cell] + shift[n, 0], y0[cell] + shift[n, 1])

@@ -17,9 +17,9 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from cosim.spikes.viform import WORD, Words
 from link.detect.counting import PHASES
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
@@ -178,8 +178,8 @@ class ForwardBackward:
         out = np.zeros((count, cells.x.size), np.float32)
         if begin >= stop:
             return out
-        _all_cells(
-            words, begin, stop, symbol, symbols, before,
+        by_rows(
+            _soft_of_cells, cells.x.size, words, begin, stop, symbol, symbols, before,
             np.array(self._shift(first_symbol, count)),
             (time.first, time.period, time.slope, float(time.rows), float(start_tick)),
             cells.region, cells.x, cells.y, place.count, place.dx, place.dy, place.share,
@@ -190,16 +190,15 @@ class ForwardBackward:
         return out
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _all_cells(  # type: ignore[no-untyped-def]
-    words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0, count, dx, dy,
-    share, pairs, chance, low, high, merged, levels, hard, limit, out,
+@njit(cache=True, nogil=True)
+def _soft_of_cells(  # type: ignore[no-untyped-def]
+    cell0, cell1, words, begin, stop, symbol, symbols, skipped, shift, time, region_of, x0, y0,
+    count, dx, dy, share, pairs, chance, low, high, merged, levels, hard, limit, out,
 ):  # fmt: skip
-    """Writes the soft values of all cells, (n, cells), to `out`.
+    """Writes the soft values of cells `cell0` to `cell1` to `out`, (n, cells).
 
-    The arrays of `Places` and `ChargeLaws` are separate arguments, since numba parallelises the
-    loop over plain arrays best.
+    The arrays of `Places` and `ChargeLaws` are separate arguments, since numba optimises the loop
+    over plain arrays best.
 
     Args:
         begin, stop: ticks of the window, from the first one in `words`.
@@ -209,7 +208,7 @@ def _all_cells(  # type: ignore[no-untyped-def]
         time: first, period, slope, rows of the timing, and the tick of the first word.
     """
     height, width, ticks = words.shape[1], words.shape[2], stop - begin
-    for cell in prange(out.shape[1]):
+    for cell in range(cell0, cell1):
         region = region_of[cell]
         u, v = x0[cell] + shift[0], y0[cell] + shift[1]
         x, y = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))

@@ -16,9 +16,10 @@ from typing import Final, Self
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.cores import by_rows
 from cosim.spikes.viform import Words
 from link.detect import tables as learned
-from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, add_evidence, count_patterns
+from link.detect.counting import CONTEXT, PAIRS, PART, PHASES, RUN, add_evidence, count_patterns
 from link.detect.detector import LIMIT, Bits, Soft, bits_held
 from link.detect.geometry import SHARES, CellImages, cell_centres, cell_images
 from link.detect.tables import Tables, parts_for
@@ -96,8 +97,9 @@ class Joint:
         order = np.argsort(cells.region, kind="stable")
         ends = np.searchsorted(cells.region[order], np.arange(cells.regions), side="right")
         place, (first, *rest) = cells.places, self._time
-        count_patterns(
-            words, start_tick, known, first_symbol, self.shifts(first_symbol, len(known) - 1),
+        by_rows(
+            count_patterns, ends.size, words, start_tick, known, first_symbol,
+            self.shifts(first_symbol, len(known) - 1),
             (first + late, *rest), self.ticks, order, ends, cells.x, cells.y, place.count,
             place.dx, place.dy, place.share, self._counts,
         )  # fmt: skip
@@ -139,10 +141,11 @@ class Joint:
         cells, place = self.cells, self.cells.places
         out = np.zeros((count, cells.x.size), np.float32)
         first, symbols = first_symbol - AROUND, count + 2 * AROUND
-        add_evidence(
-            np.ascontiguousarray(words), start_tick, bits_held(words, start_tick, stop_tick),
-            first, symbols, AROUND,
-            self.shifts(first, symbols), self._time, self.ticks, cells.region, cells.x, cells.y,
-            place.count, place.dx, place.dy, place.share, *laws, np.float32(LIMIT), out,
+        by_rows(
+            add_evidence, -(-cells.x.size // RUN), np.ascontiguousarray(words), start_tick,
+            bits_held(words, start_tick, stop_tick), first, symbols, AROUND,
+            self.shifts(first, symbols), self._time, self.ticks, cells.region, cells.reach,
+            cells.x, cells.y, place.count, place.dx, place.dy, place.share, *laws,
+            np.float32(LIMIT), out,
         )  # fmt: skip
         return out

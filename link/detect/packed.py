@@ -18,11 +18,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from cosim.compute.cores import by_rows
 from cosim.spikes.viform import Words
 from link.detect.counting import CONTEXT, PART, PHASES
 from link.detect.detector import LIMIT, Soft, bits_held
 from link.detect.joint import AROUND, Joint
-from link.detect.packed_kernel import FIELDS, LANE, soft_values
+from link.detect.packed_kernel import FIELDS, LANE, RUN, soft_values
 from link.detect.tables import LEAST_CHANCE
 
 ZERO: Final = 1 << (LANE - 1)
@@ -150,11 +151,12 @@ class Packed(Joint):
         scale, bias = self.steps
         if out is None:
             out = np.empty((count, cells.x.size), np.float32)
-        soft_values(
-            np.ascontiguousarray(words), stop, bits, looks.phase,
+        by_rows(
+            soft_values, -(-cells.x.size // RUN), np.ascontiguousarray(words), stop, bits,
+            looks.phase,
             tables_of.reshape(looks.phase.shape), begins[:, None] + np.stack([low, top], axis=-1),
-            looks.ends, looks.shift, self.ticks, group, self.width, cells.region, cells.x,
-            cells.y, place.count, place.dx, place.dy, place.share, self._table(phases),
+            looks.ends, looks.shift, self.ticks, group, self.width, cells.region, cells.reach,
+            cells.x, cells.y, place.count, place.dx, place.dy, place.share, self._table(phases),
             self.tables()[1], ZERO, bias, np.float32(1 / scale), first_symbol - begin,
             np.float32(LIMIT), out,
         )  # fmt: skip

@@ -2,8 +2,8 @@
 symbols.
 
 Log likelihoods are whole numbers of steps, several in a word of 64 bits, so that one addition adds
-those of all symbols of a group. The kernels take arrays and not records: numba vectorises and
-parallelises these loops fully only for plain array arguments.
+those of all symbols of a group. The kernels take arrays and not records: numba vectorises
+these loops fully only for plain array arguments.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, prange, types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from cosim.compute.cores import all_cores
 from link.detect.counting import CONTEXT, PART, STEEP, WIDE, pattern_of, place_of
 from link.detect.geometry import PLACES
 
@@ -27,8 +26,8 @@ LANE: Final = 21
 """Bits of a field in a word."""
 _TILE: Final = 32
 """Cells whose chains of bits are computed together, in vectors."""
-_RUN: Final = 8
-"""Tiles that a thread takes at once."""
+RUN: Final = 8 * _TILE
+"""Cells whose soft values are written together."""
 _END: Final = np.uint64(2**64 - 1)
 """Ends a list of pixels. A loop up to it is not vectorised: gathers are slower for so few."""
 _ZERO: Final = np.float32(0.0)
@@ -215,17 +214,18 @@ def _in_part(  # type: ignore[no-untyped-def]
     return np.uint64(out)
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def soft_values(  # type: ignore[no-untyped-def]
-    words, stop, bits, phases, tables_of, held, ends, shift, ticks, group, width, region_of, x0, y0,
-    count, dx, dy, share, table, single, zero, bias, step, skipped, limit, out,
+    run0, run1, words, stop, bits, phases, tables_of, held, ends, shift, ticks, group, width,
+    region_of, reach, x0, y0, count, dx, dy, share, table, single, zero, bias, step, skipped, limit,
+    out,
 ):  # fmt: skip
     """Computes soft values of each cell's bits in a window of whole groups of symbols.
 
     A look is a stretch of groups for which geometry and phase are computed once.
 
     Args:
+        run0, run1: runs of RUN cells to compute, first and stop.
         words, stop: (n, H, W) uint32 spikes, and the number of ticks to read.
         bits: (rows, looks) first bit of the pattern of a look's first group; `rows` is that of the
             camera, or 1 if all are alike.
@@ -235,6 +235,7 @@ def soft_values(  # type: ignore[no-untyped-def]
         shift: (looks, 2) shift of the image, camera pixels.
         ticks, group, width: ticks of a symbol, symbols of a group, bits of a pattern.
         region_of, x0, y0: (cells,) region and centre of each cell.
+        reach: farthest pixel of a cell from its centre.
         count, dx, dy, share: arrays of `geometry.Places`.
         table: (phases, regions, parts, SHARES * patterns * group) uint64, for each symbol of a
             group FIELDS log likelihoods of LANE bits, in steps from `bias` on.
@@ -254,19 +255,17 @@ def soft_values(  # type: ignore[no-untyped-def]
     flat_step = flat_dy * wide + flat_dx
     looks, regions, parts, stride = ends.size, table.shape[1], table.shape[2], table.shape[3]
     symbols, advance, entries = group * ends[looks - 1], group * ticks, group << width
-    reach = max(np.abs(dx).max(), np.abs(dy).max())
     mask = np.uint64(entries - group)
     every = np.uint64(1 | (1 << LANE) | (1 << 2 * LANE))
-    for run in prange(-(-cells // (_TILE * _RUN))):
+    for run in range(run0, run1):
         # Zeros, since the last tile may have fewer cells.
         sums = np.zeros((symbols, _TILE), np.uint64)
         evidence = np.empty((FIELDS, symbols, _TILE), np.float32)
         ahead = np.empty((symbols, _TILE), np.float32)
-        soft = np.empty((out.shape[0], _RUN * _TILE), np.float32)
+        soft = np.empty((out.shape[0], RUN), np.float32)
         window, at = np.empty(most * parts, np.uint64), np.empty(most * parts, np.uint64)
         late, law = np.empty(most * parts, np.uint64), np.empty(most * parts + 1, np.uint64)
-        first_cell = run * _TILE * _RUN
-        last_cell = min(first_cell + _TILE * _RUN, cells)
+        first_cell, last_cell = run * RUN, min((run + 1) * RUN, cells)
         for begin in range(first_cell, last_cell, _TILE):
             for c in range(min(_TILE, cells - begin)):
                 cell = begin + c

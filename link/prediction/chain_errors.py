@@ -23,9 +23,9 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from link.detect.counting import CONTEXT, PAIRS, PHASES, STEEP, WIDE
 from link.detect.geometry import PLACES, SHARES
 from link.detect.joint import EDGE
@@ -132,12 +132,11 @@ def _context(spikes, k, t):  # type: ignore[no-untyped-def]
     return out
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _count(charge, normal, bits, share, shape, counts):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _count(c0, c1, charge, normal, bits, share, shape, counts):  # type: ignore[no-untyped-def]
     """Counts spikes of drawn cells by class: (cells, PHASES, SHARES, PAIRS, contexts, 2), of which
     the first axis is summed by the caller."""
-    for c in prange(len(charge)):
+    for c in range(c0, c1):
         spikes = np.empty(charge.shape[1:], np.bool_)
         _spikes(charge[c], normal[c], shape, spikes)
         for t in range(_CHARGE, charge.shape[2]):
@@ -147,9 +146,8 @@ def _count(charge, normal, bits, share, shape, counts):  # type: ignore[no-untyp
                 counts[c, share[k], pair, before, int(spikes[k, t])] += 1
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _decide(charge, normal, bits, share, phase, tables, shape, wrong, doubt):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _decide(c0, c1, charge, normal, bits, share, phase, tables, shape, wrong, doubt):  # type: ignore[no-untyped-def]
     """Adds up wrong decisions and 1 / (1 + e^|L|) of each cell.
 
     Args:
@@ -160,7 +158,7 @@ def _decide(charge, normal, bits, share, phase, tables, shape, wrong, doubt):  #
         wrong, doubt: (cells,) float64, over _REPEATS draws of _DECIDED symbols.
     """
     first = _CHARGE
-    for c in prange(len(charge)):
+    for c in range(c0, c1):
         ticks = charge.shape[2]
         spikes = np.empty(charge.shape[1:], np.bool_)
         gains = np.empty((ticks, PAIRS), np.float32)
@@ -194,7 +192,7 @@ def _tables(drawn: list[_Drawn], shape: float, rng: np.random.Generator) -> Valu
     for each in drawn:
         here = np.zeros((len(each.charge), *counts.shape[1:]), np.int32)
         normal = rng.standard_normal(each.charge.shape, np.float32)
-        _count(each.charge, normal, each.bits, each.share, shape, here)
+        by_rows(_count, len(here), each.charge, normal, each.bits, each.share, shape, here)
         for phase in np.unique(each.phase):
             counts[phase] += here[each.phase == phase].sum(axis=0)
     every = counts.sum(axis=3, keepdims=True)
@@ -233,9 +231,9 @@ def chain_errors(sight: CellSight, mode: Mode, draws: int = 16_384, seed: int = 
         wrong, doubt = np.zeros((2, len(places), each))
         for n, cells in enumerate(drawn):
             size = each, _REPEATS, *cells.charge.shape[1:]
-            _decide(
-                cells.charge, rng.standard_normal(size, np.float32), cells.bits, cells.share,
-                cells.phase, tables, shape, wrong[n], doubt[n],
+            by_rows(
+                _decide, each, cells.charge, rng.standard_normal(size, np.float32), cells.bits,
+                cells.share, cells.phase, tables, shape, wrong[n], doubt[n],
             )  # fmt: skip
         of = _REPEATS * _DECIDED
         batches += [float(b.mean()) / of for b in np.array_split(wrong, _BATCHES, axis=1)]

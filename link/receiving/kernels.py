@@ -1,4 +1,4 @@
-"""Likelihood of spikes and its derivatives, compiled loops over single bits.
+"""Likelihood of spikes and its derivatives, compiled loops over single bits, on all cores.
 
 The kernels take plain arrays and numbers: numba compiles them once for these types, while the
 callers pass their fields from different records.
@@ -9,10 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+import numpy.typing as npt
+from numba import njit
 from scipy.special import ndtr
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
+
+Floats = npt.NDArray[np.float64]
+Bits = npt.NDArray[np.uint8]
+
 
 _ROOT, _DENSITY = 1 / math.sqrt(2), 1 / math.sqrt(2 * math.pi)
 _FAR = 5.0
@@ -55,12 +60,10 @@ def _left(charge, rule):  # type: ignore[no-untyped-def]
     return rest - math.floor(rest) if rule == 0 else rest
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def likelihood(  # type: ignore[no-untyped-def]
-    bits, light, start, tick, period, on, background, rule, noise, floor, skip
-):
+def likelihood(
+    bits: Bits, light: Floats, start: Floats, tick: int, period: float, on: float,
+    background: float, rule: int, noise: float, floor: float, skip: int,
+) -> Floats:  # fmt: skip
     """ln P of the observed bits of each pixel, (n,).
 
     Args:
@@ -75,11 +78,23 @@ def likelihood(  # type: ignore[no-untyped-def]
         floor: smallest probability.
         skip: ticks before the first that counts.
     """
-    count, ticks = bits.shape
-    symbols = light.shape[1]
-    out = np.zeros(count)
+    bits, light = np.ascontiguousarray(bits), np.ascontiguousarray(light)  # compiled once
+    out = np.empty(len(bits))
+    by_rows(
+        _likelihood, len(bits), bits, light, start, tick, period, on, background, rule, noise,
+        floor, skip, out,
+    )  # fmt: skip
+    return out
+
+
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+@njit(cache=True, nogil=True)
+def _likelihood(  # type: ignore[no-untyped-def]
+    i0, i1, bits, light, start, tick, period, on, background, rule, noise, floor, skip, out
+):
+    ticks, symbols = bits.shape[1], light.shape[1]
     sure, never = math.log(1 - floor), math.log(floor)
-    for i in prange(count):
+    for i in range(i0, i1):
         charge = 0.5
         total = 0.0
         for k in range(ticks):
@@ -97,28 +112,39 @@ def likelihood(  # type: ignore[no-untyped-def]
             elif charge > 1:
                 charge = 1.0
         out[i] = total
-    return out
 
 
-# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def slopes(  # type: ignore[no-untyped-def]
-    bits, light, start, tick, period, on, background, rule, noise, floor, skip
-):
+def slopes(
+    bits: Bits, light: Floats, start: Floats, tick: int, period: float, on: float,
+    background: float, rule: int, noise: float, floor: float, skip: int,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """ln P as `likelihood`, (n,), its derivatives, (n, 4), and the Fisher information, (n, 4, 4).
 
     The four parameters are the delay of the symbols, ticks; the same times the number of the symbol
     that begins; light; background. Between spikes the charge of a pixel is linear in all of them.
     """
-    count, ticks = bits.shape
-    symbols = light.shape[1]
-    out, first = np.zeros(count), np.zeros((count, 4))
-    second = np.zeros((count, 4, 4))
+    bits, light = np.ascontiguousarray(bits), np.ascontiguousarray(light)
+    count = len(bits)
+    out, first, second = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4, 4))
+    by_rows(
+        _slopes, count, bits, light, start, tick, period, on, background, rule, noise, floor, skip,
+        out, first, second,
+    )  # fmt: skip
+    return out, first, second
+
+
+# A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
+@njit(cache=True, nogil=True)
+def _slopes(  # type: ignore[no-untyped-def]
+    i0, i1, bits, light, start, tick, period, on, background, rule, noise, floor, skip,
+    out, first, second,
+):  # fmt: skip
+    ticks, symbols = bits.shape[1], light.shape[1]
+    by = np.empty(4)
     sure, never = math.log(1 - floor), math.log(floor)
-    for i in prange(count):
+    for i in range(i0, i1):
         charge = 0.5
-        by = np.zeros(4)
+        by[0] = by[1] = by[2] = by[3] = 0.0
         for k in range(ticks):
             whole, share = _part(tick + k, start[i], period)
             n = min(max(whole, 0), symbols - 1)
@@ -148,15 +174,14 @@ def slopes(  # type: ignore[no-untyped-def]
             if fired:
                 rest = _left(charge, rule)
                 if rest == 0.0:
-                    by[:] = 0.0
+                    by[0] = by[1] = by[2] = by[3] = 0.0
                 charge = rest
             elif charge > 1:
                 charge = 1.0
-                by[:] = 0.0
+                by[0] = by[1] = by[2] = by[3] = 0.0
         for a in range(4):
             for b in range(a):
                 second[i, b, a] = second[i, a, b]
-    return out, first, second
 
 
 @njit(inline="always", nogil=True)
@@ -169,20 +194,23 @@ def _ramp(z):  # type: ignore[no-untyped-def]
     return _RAMP[n] + off * (_SHARE[n] + off / 2 * _NORMAL[n])
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def overlap(distance, blur, side):  # type: ignore[no-untyped-def]
+def overlap(distance: Floats, blur: float, side: float) -> Floats:
     """Light along one axis between camera pixels and panel pixels at distances, (n, k).
 
     It is the convolution of a box of 1, a box of `side` and a Gaussian of standard deviation
     `blur`.
     """
-    out = np.empty_like(distance)
+    out = np.empty(distance.shape)
+    by_rows(_overlap, len(distance), distance, blur, side, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _overlap(i0, i1, distance, blur, side, out):  # type: ignore[no-untyped-def]
     wide, narrow = (1 + side) / 2, (1 - side) / 2
-    for i in prange(len(distance)):
+    for i in range(i0, i1):
         for k in range(distance.shape[1]):
             d = distance[i, k]
             value = _ramp((d + wide) / blur) - _ramp((d + narrow) / blur)
             value += _ramp((d - wide) / blur) - _ramp((d - narrow) / blur)
             out[i, k] = value * blur / side
-    return out

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 
 _CELLS: Final = 2048
-"""Cells that a thread takes at once."""
+"""Cells whose chances are added up together."""
 _FAR: Final = np.float32(80.0)
 """Magnitude from which a wrong decision is not expected; its power of two is a normal number."""
 _LOG2E, _HIGH, _LOW = np.float32(1 / np.log(2)), np.float32(0.693359375), np.float32(-2.12194440e-4)
@@ -65,18 +65,16 @@ def _decide(soft, factor, decided):  # type: ignore[no-untyped-def]
         decided[c] = soft[c] > 0
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _decide_all(soft, factor, decided):  # type: ignore[no-untyped-def]
-    for n in prange(len(soft)):
+@njit(cache=True, nogil=True)
+def _decide_all(n0, n1, soft, factor, decided):  # type: ignore[no-untyped-def]
+    for n in range(n0, n1):
         _decide(soft[n], factor, decided[n])
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _tally(soft, quality, wrong):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _tally(part0, part1, soft, quality, wrong):  # type: ignore[no-untyped-def]
     cells = soft.shape[1]
-    for part in prange(len(wrong)):
+    for part in range(part0, part1):
         low, high = part * _CELLS, min((part + 1) * _CELLS, cells)
         size, rest = np.empty(high - low, np.float32), np.empty(high - low, np.float32)
         total, power = np.zeros(high - low, np.float32), np.empty(high - low, np.int32)
@@ -91,7 +89,7 @@ def decide(soft: npt.NDArray[np.float32], factor: float) -> npt.NDArray[np.bool_
     """Multiplies soft values, (symbols, cells), by a factor in place. Returns the bits, of the same
     shape."""
     decided = np.empty(soft.shape, np.bool_)
-    _decide_all(soft, np.float32(factor), decided)
+    by_rows(_decide_all, len(soft), soft, np.float32(factor), decided)
     return decided
 
 
@@ -106,5 +104,5 @@ def tally(soft: npt.NDArray[np.float32], quality: npt.NDArray[np.float64]) -> fl
         The sum of 1 / (1 + e^abs(soft)): wrong decisions that the soft values predict.
     """
     wrong = np.zeros(-(-soft.shape[1] // _CELLS))
-    _tally(np.ascontiguousarray(soft), quality, wrong)
+    by_rows(_tally, wrong.size, np.ascontiguousarray(soft), quality, wrong)
     return float(wrong.sum())

@@ -232,7 +232,8 @@ class _Band:
                 across, first, self._cycles, self._state, code.rsd2, code.k, code.refine, records
             )
             table = np.empty((4, n), np.uint32)
-            to_spaced(records[:, :n], code.lossless, code.refine, self._carry, table)
+            found = np.ascontiguousarray(records[:, :n])  # one layout, for which it is compiled
+            to_spaced(found, code.lossless, code.refine, self._carry, table)
             columns = list(table[: 4 if code.refine else 3])
         return Frame(n, b"".join(pack_column(column, level) for column in columns))
 

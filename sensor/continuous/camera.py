@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, seconds_to_ps
+from cosim.compute.cores import by_rows
 from cosim.light.light import Light, Piece, Plane
 from cosim.spikes.events import time_order
 from cosim.spikes.intensities import Intensities
@@ -129,7 +130,8 @@ class ContinuousCamera:
         assert self._monitors is not None
 
         def run(m: Monitors, *out: Any) -> None:
-            kernel(m.current, m.reference, m.when, m.measuring, m.charge, *given.values(), *out)
+            state = m.current, m.reference, m.when, m.measuring, m.charge
+            by_rows(kernel, out[0].size, *state, *given.values(), *out)
 
         self._monitors, reports, self._room = collect(run, self._monitors, self._room)
         return reports

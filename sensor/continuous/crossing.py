@@ -19,9 +19,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
-
-from cosim.compute.cores import all_cores
+from numba import njit
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -94,17 +92,17 @@ def collect(kernel: Kernel, monitors: Monitors, room: int) -> tuple[Monitors, Re
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def jump(  # type: ignore[no-untyped-def]
-    current, reference, when, measuring, charge, first, slope, gain, dark, anchor, stop, until,
-    grid, tau, contrast, floor, measure, dead, counts, pixels, ticks, values,
+    chunk0, chunk1, current, reference, when, measuring, charge, first, slope, gain, dark, anchor,
+    stop, until, grid, tau, contrast, floor, measure, dead, counts, pixels, ticks, values,
 ):  # fmt: skip
-    """Carries all monitors through one piece of light from `anchor` to `stop`, of which the part up
-    to `until` is due (ps): reports before it are written, and where it is `stop`, `current` and
+    """Carries monitors through one piece of light from `anchor` to `stop`, of which the part up to
+    `until` is due (ps): reports before it are written, and where it is `stop`, `current` and
     `charge` move there.
 
     Args:
+        chunk0, chunk1: chunks of CHUNK monitors to carry, first and stop.
         first: light at the anchor, slope: its change a second (n,).
         gain: electrons/s for a unit of light, dark: electrons/s (n,).
         measure, dead: ps.
@@ -112,7 +110,7 @@ def jump(  # type: ignore[no-untyped-def]
     """
     length = (stop - anchor) / _PS
     room = pixels.shape[1]
-    for chunk in prange(counts.size):
+    for chunk in range(chunk0, chunk1):
         n = 0
         for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, current.size)):
             i0, k = gain[p] * first[p] + dark[p], gain[p] * slope[p]

@@ -27,9 +27,8 @@ from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import pick, random_words, word_at
 from cosim.compute.streams import Stream
 from sensor.continuous.crossing import CHUNK
@@ -56,14 +55,13 @@ def stationary(mean, number, tau, seed, table):  # type: ignore[no-untyped-def]
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def walk(  # type: ignore[no-untyped-def]
-    current, reference, when, measuring, charge, response, variance, mean, number, first, slope,
-    gain, dark, begin, h, tick0, finish, tau, period, contrast, floor, measure, dead, seed, table,
-    counts, pixels, ticks, values,
+    chunk0, chunk1, current, reference, when, measuring, charge, response, variance, mean, number,
+    first, slope, gain, dark, begin, h, tick0, finish, tau, period, contrast, floor, measure, dead,
+    seed, table, counts, pixels, ticks, values,
 ):  # fmt: skip
-    """Carries all monitors through `begin.size` steps of h seconds in one piece of light.
+    """Carries monitors through `begin.size` steps of h seconds in one piece of light.
 
     Args:
         begin: seconds from the piece's start to each step's.
@@ -77,7 +75,7 @@ def walk(  # type: ignore[no-untyped-def]
     a = math.exp(-h / tau)
     a2 = a * a
     room, parts = pixels.shape[1], response.size > 0
-    for chunk in prange(counts.size):
+    for chunk in range(chunk0, chunk1):
         n = 0
         for p in range(chunk * CHUNK, min((chunk + 1) * CHUNK, current.size)):
             f, k = gain[p] * first[p] + dark[p], gain[p] * slope[p]

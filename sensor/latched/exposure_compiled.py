@@ -62,7 +62,8 @@ def add_parts(charge, firsts, lasts, shares, parts, longer, box):  # type: ignor
     for y in range(y0, y1):
         row = y - y0 if shares.shape[1] > 1 else 0
         base = charge[y, x0:x1]
-        total[:] = base * longer[row]
+        for x in range(total.size):
+            total[x] = base[x] * longer[row]
         for n in range(len(firsts)):
             share, part = shares[n, row], parts[n, row]
             first, last = firsts[n][y, x0:x1], lasts[n][y, x0:x1]

@@ -17,10 +17,11 @@ from hashlib import sha256
 from typing import Any, Final
 
 import numpy as np
-from numba import njit, prange
+import numpy.typing as npt
+from numba import njit
 
 from cosim import Clock
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from cosim.compute.forks import python_child
 from cosim.compute.opencl import Device, open_device
 from cosim.run.case import Case
@@ -58,13 +59,16 @@ def flushing() -> Iterator[None]:
         library.fesetenv(before)
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def _halves(values):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _halve(n0, n1, values):  # type: ignore[no-untyped-def]
+    for n in range(n0, n1):
+        values[n] *= np.float32(0.5)
+
+
+def _halves(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Half of each value, on the threads that the compiled pixel runs on."""
-    out = np.empty_like(values)
-    for n in prange(values.size):
-        out[n] = values[n] * np.float32(0.5)
+    out = values.copy()
+    by_rows(_halve, out.size, out, least=0)
     return out
 
 

@@ -254,7 +254,7 @@ def _oval(x: float, y: float, a: float, b: float, turn: float) -> tuple[float, f
 def body(rows: Any, surface: Surface, blend: float = 1e-6, bumps: Any = NO_BUMPS) -> Item:
     """A shaded solid of round cones; see `paint_body`."""
     parts = bodies.capsules(rows)
-    bumps = np.asarray(bumps, np.float64).reshape(-1, 5)
+    bumps = np.array(bumps, np.float64).reshape(-1, 5)  # writable, as `shade` is compiled for
     # The union grows by a quarter of the blend where two parts meet; several may meet.
     return Item(_extent(parts, blend), bodies.paint_body, (parts, blend, surface, bumps))
 

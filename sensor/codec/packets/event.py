@@ -98,7 +98,7 @@ def encode_events(words: Words, cycles: int, gaps: Sequence[Gap] = ()) -> bytes:
     records = np.empty((4, room), np.int32)
     count = follow(across, 0, cycles, state, 0.0, 0.0, 0, records)
     out = np.empty(2 * count + 2 * len(places), np.uint16)
-    size = _to_halves(records[:, :count], width, cycles, places, out)
+    size = _to_halves(np.ascontiguousarray(records[:, :count]), width, cycles, places, out)
     return out[:size].astype("<u2").tobytes()
 
 

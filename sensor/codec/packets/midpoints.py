@@ -219,6 +219,14 @@ def _on_course(times, i, k, n, cycles, course):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _most_spikes(starts):  # type: ignore[no-untyped-def]
+    most = np.int32(0)
+    for p in range(starts.size - 1):
+        most = max(most, starts[p + 1] - starts[p])
+    return most
+
+
+@njit(cache=True, nogil=True)
 def put_times(times, starts, course, changes, width, high, low, cycles, decisions):  # type: ignore[no-untyped-def]
     """Decisions of levels `high` down to `low`; (their number, spikes, gain).
 
@@ -228,7 +236,7 @@ def put_times(times, starts, course, changes, width, high, low, cycles, decision
     """
     m, spikes, gain = 0, 0, 0
     out, base = np.int64(decisions.ctypes.data), np.int64(times.ctypes.data)
-    most_spikes = np.diff(starts).max()
+    most_spikes = _most_spikes(starts)
     for k in range(high, low - 1, -1):
         h = 1 << k
         if h > most_spikes:
@@ -270,7 +278,7 @@ def get_times(words, model, starts, course, changes, width, high, low, cycles, t
     """
     code, span, at = open_bits(words)
     size, data, states = words.size, np.int64(words.ctypes.data), np.int64(model.ctypes.data)
-    base, most_spikes = np.int64(times.ctypes.data), np.diff(starts).max()
+    base, most_spikes = np.int64(times.ctypes.data), _most_spikes(starts)
     for k in range(high, low - 1, -1):
         h = 1 << k
         if h > most_spikes:

@@ -44,7 +44,7 @@ def uncorrelate(x, place, sums, limit, trials):  # type: ignore[no-untyped-def]
         Number of exchanges tried.
     """
     n = x.size
-    moved = np.zeros_like(sums)
+    moved = np.empty(sums.size, np.int64)
     _sums(x, sums)
     state = np.uint64(0x9E3779B97F4A7C15)
     total = 0.0
@@ -72,7 +72,8 @@ def uncorrelate(x, place, sums, limit, trials):  # type: ignore[no-untyped-def]
             square += float(s) * float(s)
         if square < total:
             total = square
-            sums[:] = moved
+            for lag in range(sums.size):
+                sums[lag] = moved[lag]
             x[i], x[j] = x[j], x[i]
             place[rank], place[other] = j, i
     return trials

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
+from cosim.compute.cores import by_rows
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from cosim.spikes.viform import words_for
@@ -27,16 +27,14 @@ def _threshold(table, k, pixel, seed):  # type: ignore[no-untyped-def]
     return look_up(table, word_at(pixel, k, np.uint64(0), seed, _STREAM))
 
 
-# Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
-# loop, and unpacking records takes 3 us a call (10 in place of 7).
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+# Arrays are separate arguments: unpacking records takes 3 us a call (10 in place of 7).
+@njit(cache=True, nogil=True)
 def _expose(  # type: ignore[no-untyped-def]
-    deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, reset, dead, seed,
-    first, cycles, words,
+    p0, p1, deficit, spikes, pixels, charge, slope, ramp, elapsed, table, noisy, q, room, reset,
+    dead, seed, first, cycles, words,
 ):  # fmt: skip
-    """Runs every pixel over the cycles of one span; see `PixelState`, `Span` and `ExactModel`."""
-    for p in prange(deficit.size):
+    """Runs pixels `p0` to `p1` over a span's cycles; see `PixelState`, `Span` and `ExactModel`."""
+    for p in range(p0, p1):
         d, k, pixel = deficit[p], spikes[p], np.uint64(pixels[p])
         add, step = charge[p], np.int64(0)
         if ramp:
@@ -78,8 +76,8 @@ class CompiledPixels:
             ramp = span.slope is not None
             if span.advance is not None:
                 state.deficit[:] -= span.advance
-            _expose(
-                state.deficit, state.spikes, self._pixels, span.charge,
+            by_rows(
+                _expose, self._pixels.size, state.deficit, state.spikes, self._pixels, span.charge,
                 span.slope if ramp else span.charge, ramp, span.elapsed, self._table, model.noisy,
                 model.q, model.room, _RULE[model.reset], model.dead, np.uint64(model.seed),
                 span.first, span.cycles, words,

@@ -14,9 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import pick, random_words
 from cosim.compute.streams import Stream
 from sensor.device.charge import crossing, exposure, later
@@ -34,15 +33,13 @@ _PILED = float(LARGEST)
 """Most electrons beyond a threshold under `subtract`."""
 
 
-# Arrays are separate arguments: numba 0.68 loses stores to the arrays of a NamedTuple in a prange
-# loop, and unpacking records takes 3 us a call.
-@all_cores
-@njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+# Arrays are separate arguments: unpacking records takes 3 us a call.
+@njit(cache=True, error_model="numpy", nogil=True)
 def expose(  # type: ignore[no-untyped-def]
-    ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last, latches,
-    rule, dead, q, kind, sigma, table, functions, seed, bank, keys, lanes, begin, words,
+    p0, p1, ticks, parts, charges, goals, spikes, held, pixels, rows, begins, ends, first, last,
+    latches, rule, dead, q, kind, sigma, table, functions, seed, bank, keys, lanes, begin, words,
 ):  # fmt: skip
-    """Runs every pixel over the cycles of `latches` and sets its bits in `words`.
+    """Runs pixels `p0` to `p1` over the cycles of `latches` and sets their bits in `words`.
 
     Args:
         ticks, parts: (n,) anchor, the instant from which light is integrated: ps and a fraction.
@@ -66,7 +63,7 @@ def expose(  # type: ignore[no-untyped-def]
         words: (ceil(cycles / 32), n) uint32; an output.
     """
     cycles = latches.shape[1] - 1
-    for p in prange(ticks.size):
+    for p in range(p0, p1):
         rate0, rate1, edges = first[p], last[p], latches[rows[p]]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         pixel = np.uint64(pixels[p])

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import PS, Clock
+from cosim.compute.cores import by_rows
 from cosim.compute.philox import philox4x32
 from cosim.compute.streams import Stream
 from cosim.light.light import Light, Piece, Plane
@@ -25,6 +26,8 @@ from sensor.latched.reference.stiff_engine import expose_circuit
 from sensor.latched.sampling import PixelTiming, RowMoves
 
 Values = npt.NDArray[np.float64]
+_FEW = 64
+"""Values of an array from which threads are worth it: a pixel takes microseconds a spike."""
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {
     "tick": np.int64, "part": np.float64, "charge": np.float64, "goal": np.float64,
@@ -265,15 +268,16 @@ class ReferencePixels:
         before = tuple(state[key] for key in ("tick", "part", "charge", "goal", "spikes", "held"))
         inputs = (self._numbers, self._rows, *course, latches)
         drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
-        run: Any = expose if self._circuit is None else expose_circuit
         if self._circuit is None:
             dead = model.dead_time * float(clock.period) * PS
             bank = self._bank
             draws = (bank.values, bank.keys, bank.lanes, start)
-            run(*before, *inputs, _RULE[model.reset], dead, *drawn, *draws, words)
+            rule = _RULE[model.reset]
+            by_rows(expose, n, *before, *inputs, rule, dead, *drawn, *draws, words, least=_FEW)
         else:
             phases = (state["phase"], state["volts"], state["wait"])
-            run(*before, *phases, *inputs, self._circuit, *drawn, words)
+            circuit = (*phases, *inputs, self._circuit)
+            by_rows(expose_circuit, n, *before, *circuit, *drawn, words, least=_FEW)
         if self._circuit is not None or model.dead_time > 0:
             state["pending"] = self._pending_after(course, latches[self._rows, -1])
         if self._timing is not None:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
-from cosim.compute.cores import all_cores
 from cosim.compute.philox_compiled import word_at
 from cosim.compute.streams import Stream
 from sensor.circuit.phases import DELAY, INTEGRATE, RESET, steady_interval, within
@@ -55,13 +54,12 @@ def _stored(  # type: ignore[no-untyped-def]
 
 
 # Many arguments, for the reason in engine.py.
-@all_cores
-@njit(cache=True, error_model="numpy", parallel=True, nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True)
 def expose_circuit(  # type: ignore[no-untyped-def]
-    ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, rows, begins,
-    ends, first, last, latches, circuit, q, kind, sigma, table, functions, seed, words,
+    p0, p1, ticks, parts, charges, goals, spikes, held, phases, outputs, waits, pixels, rows,
+    begins, ends, first, last, latches, circuit, q, kind, sigma, table, functions, seed, words,
 ):  # fmt: skip
-    """Runs every pixel as `engine.expose` does under `residual`, with these further arguments.
+    """Runs pixels as `engine.expose` does under `residual`, with these further arguments.
 
     Args:
         phases: (n,) phase of each pixel (sensor/circuit/phases.py).
@@ -70,7 +68,7 @@ def expose_circuit(  # type: ignore[no-untyped-def]
         circuit: `Circuit.packed()`.
     """
     cycles = latches.shape[1] - 1
-    for p in prange(ticks.size):
+    for p in range(p0, p1):
         rate0, rate1, edges = first[p], last[p], latches[rows[p]]
         tick, part, charge, goal, k = ticks[p], parts[p], charges[p], goals[p], spikes[p]
         phase, volts, wait = phases[p], outputs[p], waits[p]

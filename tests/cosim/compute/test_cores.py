@@ -48,4 +48,21 @@ def test_rows_are_each_given_once(least: int) -> None:
 
     by_rows(fill, 101, out, least=least)
     np.testing.assert_array_equal(out, np.arange(101))
-    assert len(seen) == (1 if least else cores.cores())
+    assert len(seen) == (1 if least else cores._threads())
+
+
+def test_fewer_rows_than_cores_are_no_empty_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "_threads", lambda: 8)
+    seen: list[tuple[int, int]] = []
+    by_rows(lambda first, stop: seen.append((first, stop)), 3)
+    assert sorted(seen) == [(0, 1), (1, 2), (2, 3)]
+
+
+def test_threads_are_as_few_as_the_user_wants(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "cores", lambda: 8)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    for wanted, count in (("3", 3), ("99", 8), ("0", 8), ("all", 8)):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", wanted)
+        assert cores._threads() == count
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")  # that of a worker
+    assert cores._threads() == 1

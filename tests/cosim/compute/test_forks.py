@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit, prange
 
-from cosim.compute.cores import all_cores, by_rows
+from cosim.compute.cores import by_rows
 from cosim.compute.opencl import Device, open_device
 from display.render.context import open_context
 from tests.survival.forked import copied
@@ -17,15 +16,6 @@ REFUSED = (
     "has used {}, whose threads a fork does not copy; start it by "
     'multiprocessing.get_context("spawn"), that of a DataLoader by multiprocessing_context="spawn"'
 )
-
-
-@all_cores
-@njit(parallel=True)
-def doubled(values):  # type: ignore[no-untyped-def]
-    out = np.empty_like(values)
-    for n in prange(values.size):
-        out[n] = 2 * values[n]
-    return out
 
 
 def test_opencl_is_refused(device: Device) -> None:
@@ -40,11 +30,6 @@ def test_opencl_is_refused(device: Device) -> None:
         assert copied(work) == REFUSED.format("OpenCL")
     # The process itself goes on.
     assert device.download(buffer, np.empty(4, np.int64)).tolist() == [0, 1, 2, 3]
-
-
-def test_the_threads_of_numba_are_refused() -> None:
-    assert doubled(np.arange(3)).tolist() == [0, 2, 4]
-    assert copied(lambda: doubled(np.arange(3))) == REFUSED.format("numba")
 
 
 def test_opengl_is_refused() -> None:

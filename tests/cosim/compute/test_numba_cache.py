@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 
 from cosim.compute.numba_cache import taken
 from cosim.report.png import for_display
+from sensor.continuous.crossing import edge
 from sensor.latched.reference.engine import expose
 
 CALLER = """
@@ -83,14 +85,33 @@ def test_what_a_function_takes_is_the_same_in_each_process() -> None:
     code = (
         "from cosim.compute.numba_cache import taken\n"
         "from sensor.latched.reference.engine import expose\n"
-        "print(taken(expose.__wrapped__.py_func))"
+        "print(taken(expose.py_func))"
     )
     other = os.environ | {"PYTHONHASHSEED": "7"}
     said = subprocess.run(
         [sys.executable, "-c", code], env=other, capture_output=True, encoding="utf-8", check=True
     )
     function: Any = expose
-    assert said.stdout.strip() == taken(function.__wrapped__.py_func)
+    assert said.stdout.strip() == taken(function.py_func)
+
+
+def test_what_no_function_of_ours_needs_is_not_compiled() -> None:
+    """No text of the two shapes, which takes seconds, and no form for C of our own functions; a
+    user's own may be called from C."""
+
+    def for_c(function: Any) -> int:
+        made = function.get_compile_result(function.nopython_signatures[0])
+        return int(made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name))
+
+    @njit
+    def put(target: Any, source: Any) -> None:
+        target[:] = source
+
+    with pytest.raises(ValueError, match=r"^cannot assign slice from input of different size$"):
+        put(np.zeros(3), np.zeros(2))
+    ours = njit(edge.py_func)
+    ours(1, (0, 0, 0, 2, 1))
+    assert for_c(put) and not for_c(ours)
 
 
 def test_a_kept_function_is_used_without_what_only_the_compiler_needs() -> None:

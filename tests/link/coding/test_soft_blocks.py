@@ -80,7 +80,7 @@ def test_only_decisions_of_read_words_are_marked():
     sent = rng.integers(0, 256, (5, 8), dtype=np.uint8)
     ok = np.array([True, False, True, True, False])
     out = np.full_like(sent, 9)
-    mark_changed(soft.view(np.uint64), sent, ok, out)
+    mark_changed(0, 5, soft.view(np.uint64), sent, ok, out)
     wrong = ((soft > 0) != np.unpackbits(sent, axis=1, bitorder="little")) & (soft != 0)
     wrong[~ok] = False
     assert (np.unpackbits(out, axis=1, bitorder="little") == wrong).all()
@@ -92,7 +92,7 @@ def test_gathered_words_are_those_of_numpy(words: int, bits: int) -> None:
     rng = np.random.default_rng(1)
     row = rng.integers(-128, 128, (bits, words)).astype(np.int8)
     order, out = rng.permutation(bits), np.empty((words, bits), np.int8)
-    gather_words(row, order, out.view(np.uint64))
+    gather_words(0, bits // 8, row, order, out.view(np.uint64))
     assert (out == row[order].T).all()
 
 

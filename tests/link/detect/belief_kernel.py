@@ -15,9 +15,7 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
-
-from cosim.compute.cores import all_cores
+from numba import njit
 
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int64]
@@ -115,10 +113,9 @@ def shared(light, number, ticks, late, last, next_):  # type: ignore[no-untyped-
     return light
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def explain(  # type: ignore[no-untyped-def]
-    spikes, charge, later, late, last, next_, low, high, kernel, first, fires, hard, out
+    p0, p1, spikes, charge, later, late, last, next_, low, high, kernel, first, fires, hard, out
 ):
     """Computes how probable a symbol's spikes are under each light, (pixels, lights) float32 `out`.
 
@@ -131,7 +128,7 @@ def explain(  # type: ignore[no-untyped-def]
         kernel, first, fires, hard: kernel, first, fires and hard as for `tick`.
     """
     states, ticks = charge.shape[1], spikes.shape[1]
-    for p in prange(spikes.shape[0]):
+    for p in range(p0, p1):
         one, two = np.empty(states, np.float32), np.empty(states, np.float32)
         begin, stop = _range(charge[p])
         most = np.float32(0.0)
@@ -181,9 +178,8 @@ def _chance(value):  # type: ignore[no-untyped-def]
     return np.float32(1.0 / (1.0 + exp(-value)))
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def messages(p0, p1, law, cell, share, many, on, base, total, back):  # type: ignore[no-untyped-def]
     """Computes the messages of all pixels to the cells that they see, in place.
 
     Args:
@@ -196,7 +192,7 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
         total: (cells,) float32, log likelihood ratios of the cells.
         back: (pixels, seen) float32, last messages, overwritten.
     """
-    for p in prange(cell.shape[0]):
+    for p in range(p0, p1):
         size = 1 << many[p]
         light, joint = np.empty(size, np.float32), np.empty(size, np.float32)
         chance = np.empty(many[p], np.float32)
@@ -227,9 +223,8 @@ def messages(law, cell, share, many, on, base, total, back):  # type: ignore[no-
             back[p, k] = np.float32(log(max(float(up), 1e-30)) - log(max(float(down), 1e-30)))
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
-def decide(known, begin, of_pixel, of_seen, back, damping, limit, total):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def decide(cell0, cell1, known, begin, of_pixel, of_seen, back, damping, limit, total):  # type: ignore[no-untyped-def]
     """Sums the messages to each cell into `total`, (cells,) float32.
 
     Args:
@@ -240,7 +235,7 @@ def decide(known, begin, of_pixel, of_seen, back, damping, limit, total):  # typ
         damping: share of the last total that is kept.
         limit: largest magnitude.
     """
-    for cell in prange(known.size):
+    for cell in range(cell0, cell1):
         value = known[cell]
         for n in range(begin[cell], begin[cell + 1]):
             value += back[of_pixel[n], of_seen[n]]
@@ -274,11 +269,10 @@ def _lights(cell, share, many, on, base, total, back, light, joint, weight):  # 
     return mean
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def advance(  # type: ignore[no-untyped-def]
-    spikes, charge, late, last, next_, cell, share, many, on, base, total, back, lights, kernel,
-    first, fires, hard, after, mean,
+    p0, p1, spikes, charge, late, last, next_, cell, share, many, on, base, total, back, lights,
+    kernel, first, fires, hard, after, mean,
 ):  # fmt: skip
     """Computes the charge after a symbol, (pixels, states) float32 `after`, and the pixel's light
     by all that is known of its cells, (pixels,) float32 `mean`, thresholds.
@@ -286,7 +280,7 @@ def advance(  # type: ignore[no-untyped-def]
     Args: as for `explain` and `messages`; lights: number of lights.
     """
     states, ticks = charge.shape[1], spikes.shape[1]
-    for p in prange(cell.shape[0]):
+    for p in range(p0, p1):
         light, joint = np.empty(1 << many[p], np.float32), np.empty(1 << many[p], np.float32)
         weight = np.empty(lights, np.float32)
         _lights(cell[p], share[p], many[p], on, base, total, back[p], light, joint, weight)
@@ -320,11 +314,10 @@ def advance(  # type: ignore[no-untyped-def]
             after[p, :LEVELS] = np.float32(1.0 / LEVELS)
 
 
-@all_cores
-@njit(cache=True, parallel=True, nogil=True)
+@njit(cache=True, nogil=True)
 def recede(  # type: ignore[no-untyped-def]
-    spikes, later, late, last, next_, cell, share, many, on, base, total, back, lights, kernel,
-    first, fires, hard, before,
+    p0, p1, spikes, later, late, last, next_, cell, share, many, on, base, total, back, lights,
+    kernel, first, fires, hard, before,
 ):  # fmt: skip
     """Computes the probability of a symbol's spikes and all later ones by the charge before it,
     (pixels, states) float32 `before`, scaled to 1 at most.
@@ -332,7 +325,7 @@ def recede(  # type: ignore[no-untyped-def]
     Args: as for `advance`, `later` as for `explain`.
     """
     states, ticks = later.shape[1], spikes.shape[1]
-    for p in prange(cell.shape[0]):
+    for p in range(p0, p1):
         light, joint = np.empty(1 << many[p], np.float32), np.empty(1 << many[p], np.float32)
         weight = np.empty(lights, np.float32)
         _lights(cell[p], share[p], many[p], on, base, total, back[p], light, joint, weight)

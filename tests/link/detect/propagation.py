@@ -101,22 +101,34 @@ def propagate(
     for sweep, repeats in enumerate(rounds):
         for n in range(symbols):
             around = mean[n], mean[n + 2]
-            explain(spikes[n], charge[n], later[n + 1], late[n], *around, low, high, *tables, law)
+            explain(
+                0,
+                count,
+                spikes[n],
+                charge[n],
+                later[n + 1],
+                late[n],
+                *around,
+                low,
+                high,
+                *tables,
+                law,
+            )
             for _ in range(repeats):
-                messages(law, *view, total[n], back[n])
+                messages(0, count, law, *view, total[n], back[n])
                 decide(
-                    known[n], graph.begin, graph.of_pixel, graph.of_seen, back[n],
+                    0, known[n].size, known[n], graph.begin, graph.of_pixel, graph.of_seen, back[n],
                     np.float32(damping), np.float32(LIMIT), total[n],
                 )  # fmt: skip
             advance(
-                spikes[n], charge[n], late[n], *around, *view, total[n], back[n], lights, *tables,
-                charge[n + 1], mean[n + 1],
+                0, count, spikes[n], charge[n], late[n], *around, *view, total[n], back[n], lights,
+                *tables, charge[n + 1], mean[n + 1],
             )  # fmt: skip
         if sweep + 1 == len(rounds):
             break
         for n in range(symbols - 1, -1, -1):
             recede(
-                spikes[n], later[n + 1], late[n], mean[n], mean[n + 2], *view, total[n], back[n],
-                lights, *tables, later[n],
+                0, count, spikes[n], later[n + 1], late[n], mean[n], mean[n + 2], *view, total[n],
+                back[n], lights, *tables, later[n],
             )  # fmt: skip
     return total

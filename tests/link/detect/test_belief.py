@@ -154,9 +154,9 @@ def test_the_sum_is_over_the_cells_that_a_pixel_sees(monkeypatch: pytest.MonkeyP
     seen, rng = footprint({0: 0.5, 1: 0.3, 2: 0.17}, {0: 0.9}), np.random.default_rng(3)
     padded, counts = footprint(*({0: 0.5, 1: 0.3, 2: 0.17} | {9: 0.0}, {0: 0.9})), []
 
-    def noted(law: Any, cell: Any, share: Any, many: Any, *more: Any) -> None:
+    def noted(p0: int, p1: int, law: Any, cell: Any, share: Any, many: Any, *more: Any) -> None:
         counts.append(np.broadcast_to(many, len(cell)).tolist())
-        messages(law, cell, share, many, *more)
+        messages(p0, p1, law, cell, share, many, *more)
 
     monkeypatch.setattr("tests.link.detect.propagation.messages", noted)
     spikes = spikes_of(rng, seen, MODEL, 3, 2, 10)

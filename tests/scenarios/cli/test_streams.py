@@ -16,7 +16,6 @@ import pytest
 
 from cosim import InputError
 from cosim.compute import opencl
-from cosim.compute.cores import all_cores
 from cosim.errors import one_line, say
 from cosim.run.result import dumps
 from cosim.run.shown import SilentProgress, TerminalProgress
@@ -122,16 +121,6 @@ def test_settings_of_a_user_s_other_programs_do_not_reach_a_command() -> None:
     environ["NUMBA_NUM_THREADS"] = "1"
     isolate(environ)
     assert environ["NUMBA_NUM_THREADS"] == "1"
-
-
-def test_a_thread_pool_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    @all_cores
-    def compiled() -> None:
-        raise ValueError("No threading layer could be loaded.\nHINT:\nIntel TBB is required")
-
-    monkeypatch.setenv("NUMBA_THREADING_LAYER", "tbb")
-    with pytest.raises(InputError, match=r"NUMBA_THREADING_LAYER must be .* not 'tbb'; unset it"):
-        compiled()
 
 
 def test_a_small_limit_of_files_is_told_before_the_compiler_fails(
