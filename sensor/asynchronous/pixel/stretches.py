@@ -30,7 +30,7 @@ RARE: Final = 1 / LEAST
 """Probability of a report above which intervals are drawn one by one: stretches would be shorter.
 So a report costs some hundreds of draws at most, whatever happens between."""
 SKIP: Final = np.uint64(Stream.SKIPPED)
-"""Random stream of every draw in this module."""
+"""Random stream of the draws here and in closed.py."""
 _NEVER: Final = 1 << 62
 _FAR: Final = 8.0
 """Standard deviations by which a stretch stays clear of the light's next change."""
