@@ -26,8 +26,6 @@ from sensor.latched.reference.stiff_engine import expose_circuit
 from sensor.latched.sampling import PixelTiming, RowMoves
 
 Values = npt.NDArray[np.float64]
-_FEW = 64
-"""Values of an array from which threads are worth it: a pixel takes microseconds a spike."""
 _RULE = {"residual": 0, "hard": 1, "subtract": 2}
 _KEYS = {
     "tick": np.int64, "part": np.float64, "charge": np.float64, "goal": np.float64,
@@ -269,15 +267,12 @@ class ReferencePixels:
         inputs = (self._numbers, self._rows, *course, latches)
         drawn = (law.q, law.kind, law.sigma, law.table, law.functions, np.uint64(model.seed))
         if self._circuit is None:
-            dead = model.dead_time * float(clock.period) * PS
-            bank = self._bank
-            draws = (bank.values, bank.keys, bank.lanes, start)
-            rule = _RULE[model.reset]
-            by_rows(expose, n, *before, *inputs, rule, dead, *drawn, *draws, words, least=_FEW)
+            bank, dead = self._bank, model.dead_time * float(clock.period) * PS
+            rules = (_RULE[model.reset], dead, *drawn, bank.values, bank.keys, bank.lanes, start)
+            by_rows(expose, n, *before, *inputs, *rules, words, least=0)
         else:
-            phases = (state["phase"], state["volts"], state["wait"])
-            circuit = (*phases, *inputs, self._circuit)
-            by_rows(expose_circuit, n, *before, *circuit, *drawn, words, least=_FEW)
+            circuit = (state["phase"], state["volts"], state["wait"], *inputs, self._circuit)
+            by_rows(expose_circuit, n, *before, *circuit, *drawn, words, least=0)
         if self._circuit is not None or model.dead_time > 0:
             state["pending"] = self._pending_after(course, latches[self._rows, -1])
         if self._timing is not None:
