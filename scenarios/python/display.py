@@ -30,7 +30,7 @@ from scenarios.python.calls import Called, keys_of
 from scenarios.python.errors import in_python
 from scenarios.python.frames import check_white_rate, is_whole
 from scenarios.python.streams import as_stream
-from sensor.latched.core import Filmed
+from sensor.latched.core import Recorded
 from sensor.sections.recorded import RecordedSection
 
 Eye = Literal["still", "pursuing", "camera"]
@@ -195,7 +195,7 @@ class Display(Called):
         """A stream, or a file, as that of the scenario."""
         scenario = self._scenario
         changes: dict[str, Any] = {}
-        if white_rate is None and isinstance(spikes, Filmed) and spikes.white_rate:
+        if white_rate is None and isinstance(spikes, Recorded) and spikes.white_rate:
             white_rate = min(spikes.white_rate, 1.0)
         if white_rate is not None:
             changes["white_rate"] = check_white_rate(white_rate)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec, TypeVar, overload
+from inspect import Parameter, signature
+from typing import Any, ParamSpec, TypeVar, overload
 
 from cosim import InputError, Interrupted
 
@@ -57,6 +58,10 @@ def _speaking(function: Callable[_P, _R], section: str) -> Callable[_P, _R]:
     def called(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         try:
             return function(*args, **kwargs)
+        except TypeError as exc:
+            if exc.__traceback__ is not None and exc.__traceback__.tb_next is None:
+                _check_given(function, args, kwargs)  # it was not entered
+            raise
         except InputError as exc:
             # What was given is the user's own text.
             exc.what, exc.must, exc.remedy = map(words, (exc.what, exc.must, exc.remedy))
@@ -68,6 +73,29 @@ def _speaking(function: Callable[_P, _R], section: str) -> Callable[_P, _R]:
             raise
 
     return called
+
+
+def _check_given(
+    function: Callable[..., object], args: tuple[Any, ...], keys: dict[str, Any]
+) -> None:
+    """Raises InputError if a call lacks arguments that have no default; what else is wrong with it
+    is Python's to say."""
+    known = signature(function)
+    try:
+        given = known.bind_partial(*args, **keys).arguments
+    except TypeError:
+        return
+    lacking = [
+        name
+        for name, each in known.parameters.items()
+        if name not in given
+        and each.default is Parameter.empty
+        and each.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
+    ]
+    if lacking:
+        raise InputError(
+            " and ".join(lacking), "given", "absent", f"write {lacking[0]}=..."
+        ) from None
 
 
 def python_words(text: str) -> str:

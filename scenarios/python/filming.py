@@ -21,11 +21,11 @@ from scenarios.python.errors import in_python
 from scenarios.python.finished import Run
 from scenarios.python.frames import array_of, rate_of, write_frames
 from scenarios.python.runs import joined, refuse_of_run, run, source_file
-from sensor.latched.core import Filmed
+from sensor.latched.core import Recorded
 
 if TYPE_CHECKING:
-    from sensor.asynchronous.core import FilmedEvents
-    from sensor.continuous.core import FilmedIntensities
+    from sensor.asynchronous.core import RecordedEvents
+    from sensor.continuous.core import RecordedIntensities
 
 _OF_FRAMES: Final = ("scene.path", "scene.frame_rate")
 """Keys of a scene that frames in memory take the place of."""
@@ -39,7 +39,7 @@ def film(
     tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
     out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
     progress: bool | None = ..., **settings: Any,
-) -> Filmed: ...  # fmt: skip
+) -> Recorded: ...  # fmt: skip
 @overload
 def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = ..., *,
@@ -47,7 +47,7 @@ def film(
     tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
     out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
     progress: bool | None = ..., **settings: Any,
-) -> FilmedEvents: ...  # fmt: skip
+) -> RecordedEvents: ...  # fmt: skip
 @overload
 def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = ..., *,
@@ -55,7 +55,7 @@ def film(
     tolerance: float | None = ..., seed: int | None = ..., device: str | None = ...,
     out: str | os.PathLike[str] | None = ..., resume: bool = ..., report: str = ...,
     progress: bool | None = ..., **settings: Any,
-) -> FilmedIntensities: ...  # fmt: skip
+) -> RecordedIntensities: ...  # fmt: skip
 @in_python
 def film(
     source: str | os.PathLike[str] | Iterable[npt.ArrayLike] = "film", *,
@@ -63,7 +63,7 @@ def film(
     tolerance: float | None = None, seed: int | None = None, device: str | None = None,
     out: str | os.PathLike[str] | None = None, resume: bool = False, report: str = "page",
     progress: bool | None = None, **settings: Any,
-) -> Filmed | FilmedEvents | FilmedIntensities:  # fmt: skip
+) -> Recorded | RecordedEvents | RecordedIntensities:  # fmt: skip
     """Films a source with a spike camera: the bits of `viform run`. Without `out`, what a camera
     alone sees is filmed in memory, see `Camera`; the bounds of its plan are not checked on patches.
 
@@ -132,7 +132,7 @@ def film(
             if filmed is not None:
                 latched = filmed.sensor.pixel == "latched"
                 with progress_in_python(progress) as shown:
-                    seen: Filmed | FilmedEvents | FilmedIntensities = (
+                    seen: Recorded | RecordedEvents | RecordedIntensities = (
                         film_in_memory(filmed, device) if latched
                         else Camera.of(filmed, device).film_scene()
                     )  # fmt: skip
@@ -147,14 +147,14 @@ def film(
         return _recorded(done)
 
 
-def _recorded(done: Run) -> Filmed | FilmedEvents | FilmedIntensities:
+def _recorded(done: Run) -> Recorded | RecordedEvents | RecordedIntensities:
     """What the camera of a run has recorded, in memory; with a display, its planes."""
-    from sensor.asynchronous.core import FilmedEvents  # compiled pixels take long to load
-    from sensor.continuous.core import FilmedIntensities
+    from sensor.asynchronous.core import RecordedEvents  # compiled pixels take long to load
+    from sensor.continuous.core import RecordedIntensities
 
     if "stream" not in done.streams:
         if done.events is not None:
-            return FilmedEvents(**vars(done.events), notes=done.notes)
+            return RecordedEvents(**vars(done.events), notes=done.notes)
         if done.intensities is not None:
-            return FilmedIntensities(**vars(done.intensities), notes=done.notes)
-    return Filmed(**vars(part_of(done.stream)), notes=done.notes)
+            return RecordedIntensities(**vars(done.intensities), notes=done.notes)
+    return Recorded(**vars(part_of(done.stream)), notes=done.notes)

@@ -41,6 +41,11 @@ class LiveStream(Generic[S]):
         self._live, self._fit, self._white, self._stated = live, fit, white, stated
         self._like: tuple[Any, ...] | None = None
 
+    def __repr__(self) -> str:
+        height, width = self._fit.shape
+        frames = "no frame so far" if self._like is None else "frames {} {}".format(*self._like)
+        return f"LiveStream: {width} x {height} pixels, {frames}, bound {self.error.bound:.2g}"
+
     @in_python
     def push(self, frame: npt.ArrayLike) -> S | None:
         """Takes the next frame, see `Camera.film`.

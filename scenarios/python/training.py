@@ -73,6 +73,13 @@ class SpikeStream(IterableDataset):  # type: ignore[misc, type-arg, unused-ignor
         self._clips, self._camera, self._rate = clips, camera, rate_of(frame_rate)
         self._white_rate, self._instants, self._epoch = white_rate, instants, 0
 
+    def __repr__(self) -> str:
+        count = f"{len(self._clips)} clips" if hasattr(self._clips, "__len__") else "clips"
+        return (
+            f"SpikeStream: {count} at {self._rate:g} frames/s, epoch {self._epoch} next, by "
+            f"{self._camera!r}"
+        )
+
     def set_epoch(self, epoch: int) -> None:
         """Gives the next iteration the draws of an epoch, from 0."""
         if not is_whole(epoch) or not 0 <= epoch < 2**32:

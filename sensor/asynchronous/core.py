@@ -10,7 +10,7 @@ The draws of a call are a function of the seed and of the number of the call alo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -43,12 +43,11 @@ Relay = Callable[[Light], Light]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FilmedEvents(Events):
-    """Events of a call, with `error`, the bounds of the simulation's error.
+class RecordedEvents(Events):
+    """Events of a call, or of a run that a call has made.
 
     Attributes:
-        error: Bounds of what is left out; the arithmetic of these pixels has none. None if they are
-            not known.
+        error: Bounds of the error of the simulation; None for a run, whose `Run.error` is known.
         notes: What a user must know of the light, of the plan and of lost events.
         degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of sensor.clock of the scene's white; None if it is not known.
@@ -58,6 +57,17 @@ class FilmedEvents(Events):
     notes: tuple[str, ...] = ()
     degraded: tuple[str, ...] = ()
     white_rate: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilmedEvents(RecordedEvents):
+    """Events of a call of a camera.
+
+    Attributes:
+        error: Bounds of what is left out; the arithmetic of these pixels has none.
+    """
+
+    error: Bounds = field(kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,11 @@ Relay = Callable[[Light], Light]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FilmedIntensities(Intensities):
-    """Reports of a call.
+class RecordedIntensities(Intensities):
+    """Reports of a call, or of a run that a call has made.
 
     Attributes:
-        error: Bounds of what is left out, which is nothing; the pixels have one tier, and its
-            arithmetic has no bound. None if they are not known.
+        error: Bounds of the error of the simulation; None for a run, whose `Run.error` is known.
         notes: What a user must know of the light and of the pixels.
         degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of the scene's white in a latched camera before the same lens;
@@ -49,6 +48,18 @@ class FilmedIntensities(Intensities):
     degraded: tuple[str, ...] = ()
     white_rate: float | None = None
     white: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilmedIntensities(RecordedIntensities):
+    """Reports of a call of a camera.
+
+    Attributes:
+        error: Bounds of what is left out, which is nothing; the pixels have one tier, and its
+            arithmetic has no bound.
+    """
+
+    error: Bounds = field(kw_only=True)
 
 
 @dataclass

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from threading import Lock
 from typing import Any, Final
 
@@ -58,11 +58,11 @@ Relay = Callable[[Light], Light]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Filmed(Viform):
-    """Spikes of a call.
+class Recorded(Viform):
+    """Spikes of a call, or of a run that a call has made.
 
     Attributes:
-        error: Bounds of the error of the simulation; None if they are not known.
+        error: Bounds of the error of the simulation; None for a run, whose `Run.error` is known.
         notes: What a user must know of the light and of the plan.
         degraded: Notes that say what the light lacks, as at the end of a clip.
         white_rate: Spikes a cycle of the scene's white; None if it is not known.
@@ -72,6 +72,17 @@ class Filmed(Viform):
     notes: tuple[str, ...] = ()
     degraded: tuple[str, ...] = ()
     white_rate: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Filmed(Recorded):
+    """Spikes of a call of a camera.
+
+    Attributes:
+        error: Bounds of the error of the simulation.
+    """
+
+    error: LatchedBounds = field(kw_only=True)
 
 
 class LatchedCamera:
@@ -260,7 +271,10 @@ class LatchedCamera:
         light = scene.source
         notes = (*plan.notes, *light.notes, *put_back, *light.degraded, *beyond)
         bounds = LatchedBounds.of_plan(plan, measured, law)
-        return Filmed(words, cycles, self.setting.clock, 0, bounds, notes, tuple(light.degraded))
+        return Filmed(
+            words, cycles, self.setting.clock, error=bounds, notes=notes,
+            degraded=tuple(light.degraded),
+        )  # fmt: skip
 
     def _check(self, plan: CameraPlan) -> PlanCheck:
         """The stage that checks a plan, on the patches and samples of a run with its seed."""
@@ -369,4 +383,4 @@ class LiveCamera:
             part = self._readout.step(part, block)
         self._cycle = stop
         self._light.forget(clock.edge(max(stop - back, 0)))
-        return Filmed(np.array(part.words), part.cycles, clock, part.start, self.error)
+        return Filmed(np.array(part.words), part.cycles, clock, part.start, error=self.error)

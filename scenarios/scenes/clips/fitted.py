@@ -122,6 +122,7 @@ class Fit:
         notes: takes notes for the user.
 
     Attributes:
+        shape: (height, width).
         told: the notes since somebody has cleared it, also those that the user has.
     """
 
@@ -129,7 +130,7 @@ class Fit:
         self, path: Path, shape: tuple[int, int], mosaic: Mosaic | None, mixed: bool,
         notes: list[str],
     ) -> None:  # fmt: skip
-        self._path, self._shape, self._notes = path, shape, notes
+        self._path, self.shape, self._notes = path, shape, notes
         self._mosaic, self._mixed = mosaic, mixed
         self.told: dict[str, None] = {}
 
@@ -173,7 +174,7 @@ class Fit:
         light = upright(light, pose)
         if pose[1] % 2:
             height, wide = wide, height
-        rows, columns = self._shape
+        rows, columns = self.shape
         scale = max(rows / height, columns / wide)
         size = (max(columns, round(wide * scale)), max(rows, round(height * scale)))
         shrinks = size[0] < light.shape[1] and size[1] < light.shape[0]
@@ -191,7 +192,7 @@ class Fit:
             scaled = cv2.resize(np.ascontiguousarray(light), size, interpolation=method)
             plane = scaled[top : top + rows, left : left + columns]
         else:  # a picture of a row becomes a thousand times as wide as the sensor
-            plane = _part(light, size, (top, left), self._shape)
+            plane = _part(light, size, (top, left), self.shape)
         if most is not None:
             plane = np.clip(plane, 0, most)
         if self._mosaic is not None and self._mixed:

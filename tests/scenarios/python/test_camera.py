@@ -73,10 +73,8 @@ def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
         seen = camera.film(given, frame_rate=2000)
         checked = camera.film(given, frame_rate=2000, call=0, check=True)
     assert seen.cycles == 120 and seen == run == checked and run.words.any()
-    assert seen.error is not None and 0 <= seen.error.bound < 0.6
-    assert checked.error is not None and seen.error == replace(
-        checked.error, measured=None, law=seen.error.law
-    )
+    assert 0 <= seen.error.bound < 0.6
+    assert seen.error == replace(checked.error, measured=None, law=seen.error.law)
     stated = viform.Run(tmp_path / "run").result["error"]
     measured = checked.error.measured
     assert measured is not None and measured.value == stated["value"]
@@ -102,7 +100,7 @@ def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_p
     seen = camera.film(frames(), 2000, check=checks)
     assert seen == run == viform.film(frames(), frame_rate=2000, **own) and len(run) > 500
     assert seen != camera.film(frames(), 2000) or kind == "continuous, no noise"
-    assert seen.error is not None and seen.error.bound == 0 and seen.white_rate == 0.6
+    assert seen.error.bound == 0 and seen.white_rate == 0.6
     result = viform.Run(tmp_path / "run").result
     assert list(seen.error.kept) == result["plan"]["kept"]
     if checks:
@@ -131,9 +129,9 @@ def test_an_effect_whose_bound_is_false_is_put_back(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(PRNU, "bound", lambda setting, scene: none, raising=False)
     camera = viform.Camera(**keys)
     wrong, seen = camera.film(frames(), 2000, check=2, call=1), camera.film(frames(), 2000, check=2)
-    assert wrong.error is not None and "PRNU" in wrong.error.left_out
+    assert "PRNU" in wrong.error.left_out
     assert wrong.error.measured is None  # call 1 of every second
-    assert seen == honest and seen.error is not None and "PRNU" in seen.error.kept
+    assert seen == honest and "PRNU" in seen.error.kept
     assert sum("PRNU kept: its absence changes" in note for note in seen.notes) == 1
     assert seen.error.measured is not None and seen.error.measured.high < 1e-3
 
@@ -149,10 +147,10 @@ def test_pixels_that_send_once_leave_out_what_their_light_does_not_need() -> Non
     }
     camera = viform.Camera(**{**SMALL, **keys}, tolerance=0.1)
     seen = camera.film(still[:1], 10, check=True)
-    assert seen.error is not None and seen.error.left_out and seen.error.bound > 0
+    assert seen.error.left_out and seen.error.bound > 0
     assert seen.error.measured is not None and 0 < seen.error.measured.high < 0.1
     exact = viform.Camera(**{**SMALL, **keys}, tolerance=0).film(still[:1], 10)
-    assert exact.error is not None and not exact.error.left_out and exact.error.bound == 0
+    assert not exact.error.left_out and exact.error.bound == 0
 
 
 def test_every_tier_films_the_same_light() -> None:
@@ -162,7 +160,7 @@ def test_every_tier_films_the_same_light() -> None:
     }
     truth = seen["reference"].rate()
     for tier, spikes in seen.items():
-        assert spikes.error is not None and spikes.error.tier == tier
+        assert spikes.error.tier == tier
         assert np.sqrt(((spikes.rate() - truth) ** 2).mean()) < 0.01 * truth.mean()
 
 
@@ -288,7 +286,6 @@ def test_a_plan_is_that_of_its_own_light() -> None:
     before, seen = camera.film(slow, 2000), camera.film(fast, 2000, call=0)
     alone = viform.Camera(**keys).film(fast, 2000, call=0)
     assert seen == alone and seen.error == alone.error
-    assert before.error is not None and seen.error is not None
     assert before.error.arithmetic < seen.error.arithmetic
 
 
@@ -363,6 +360,9 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
             camera.film_many([frames()], 2000, instants=[120])
         ),
         "a frame must be as the first": lambda: stream.push(frames()[0, 1:]),
+        "^frame_rate must be given, not absent; write frame_rate=": lambda: camera.film(frames()),  # type: ignore[call-arg]
+        "^frames and frame_rate must be given": lambda: camera.film(),  # type: ignore[call-arg]
+        "^at must be given": lambda: viform.reconstruct(closed),  # type: ignore[call-arg]
     }
     for says, call in calls.items():
         with pytest.raises(viform.InputError, match=says) as raised:
@@ -370,6 +370,12 @@ def test_what_cannot_be_filmed_is_one_line() -> None:
         assert "\n" not in str(raised.value) and "--" not in str(raised.value)
     text = repr(camera)
     assert "64 x 48 pixels at 40 kHz" in text and "closed" in repr(closed)
+    told = repr(stream)
+    assert told.startswith("LiveStream: 64 x 48 pixels, frames (48, 64) uint8, bound ")
+    told = repr(viform.SpikeStream([frames()] * 3, camera, 2000))
+    assert told == f"SpikeStream: 3 clips at 2000 frames/s, epoch 0 next, by {text}"
+    with pytest.raises(TypeError, match="unexpected keyword"):  # no such argument is Python's own
+        camera.film(frames(), 2000, nothing=1)  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("readout", ["asynchronous", "continuous"])
