@@ -125,6 +125,8 @@ def camera_changes(camera: CameraSetting, scene: LinkSummary) -> dict[str, Chang
         duration = scene.cycles / (camera.chip.width * camera.chip.height)  # one draw a pixel
         changes["PRNU"] = Change(pattern.prnu, duration)
         changes["threshold FPN"] = Change(pattern.threshold_fpn, duration)
+        lines = math.hypot(pattern.rows, pattern.columns)
+        changes["row and column FPN"] = Change(lines, duration)
         dark = pattern.dark * (1 + _DEVIATIONS * pattern.dsnu) * tick / on
         changes["dark current and DSNU"] = Change(dark)
     return changes

@@ -128,7 +128,8 @@ def preset_text(result: Calibration) -> str | None:
     for name in ("drift", "row_jitter", "row_band", "row_band_width"):
         value = found[name].value if name in found else None
         if isinstance(value, float) and (name != "drift" or found[name].ci[0]):
-            sensor[name] = value
+            most = {"row_jitter": 0.2, "drift": 0.1}.get(name, value)  # those of the keys
+            sensor[name] = min(value, most)
     pattern: dict[str, Any] = {}
     of_threshold: dict[str, Any] = {"interval_noise": noise}
     for names, section in (

@@ -25,10 +25,10 @@ from sensor.calibrate.common import duplicated_rows
 from sensor.calibrate.trains import Trains, read_trains
 from sensor.laboratory.laws import Laws, measure_laws
 from sensor.latched.camera import SpikeCamera
+from sensor.latched.effects.catalogue import CATALOGUE
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
 from sensor.sections.own_chip import LEVELS
-from sensor.sections.provenance import effect_parameters
 from sensor.sections.sensor import SensorSection
 
 FILMS: Final = 8
@@ -148,9 +148,11 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     section: Any = SensorSection(preset=str(preset))
     clock = Clock.from_hz(section.clock)
     threshold = section.threshold * section.threshold_level / LEVELS
-    parameters = effect_parameters(section, Operation(clock, threshold, 25.0))
+    parameters: dict[str, Any] = {}
+    for effect in CATALOGUE:
+        parameters |= effect.configure(section, Operation(clock, threshold, 25.0))
     if parameters.get("pattern") is not None:
-        parameters = {**parameters, "pattern": replace(parameters["pattern"], device_seed=seed)}
+        parameters["pattern"] = replace(parameters["pattern"], device_seed=seed)
     setting = CameraSetting(
         section.own_chip, clock, threshold, seed, reset=section.reset, parameters=parameters
     )

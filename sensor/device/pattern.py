@@ -67,7 +67,7 @@ class DevicePattern:
             common.
         along_row, along_column: correlation of the light's gain (of `prnu`) between neighbours in a
             row, and in a column; at most CORRELATED.
-        width: columns of the chip; 0 where none of these four has a size.
+        width: columns of the chip; needed where one of these four has a size.
     """
 
     prnu: float = 0.0
@@ -97,12 +97,17 @@ class DevicePattern:
         for name in ("along_row", "along_column"):
             if not 0 <= getattr(self, name) <= CORRELATED:
                 raise ValueError(f"{name} must be 0 to {CORRELATED:g}, not {getattr(self, name):g}")
-        if self.width < 1 and (self.rows or self.columns or self.along_row or self.along_column):
-            raise ValueError("width must be 1 or more where rows, columns or neighbours count")
+
+    @property
+    def placed(self) -> bool:
+        """Whether the pattern depends on where a pixel lies."""
+        return bool(self.rows or self.columns or self.along_row or self.along_column)
 
     def at(self, pixels: npt.NDArray[np.uint32]) -> FixedPattern:
         """The pattern of pixels, (n,), by their numbers on the chip. That of consecutive pixels is
         kept for a later call, and must not be modified."""
+        if self.placed and self.width < 1:
+            raise ValueError("width must be 1 or more where rows, columns or neighbours count")
         first, count = int(pixels[0]) if pixels.size else 0, pixels.size
         if _FEW < count <= _MOST and np.array_equal(pixels, np.arange(first, first + count)):
             return _consecutive(self, first, count)

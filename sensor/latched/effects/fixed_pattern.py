@@ -80,14 +80,11 @@ class _PatternEffect(PixelEffect):
         device = section.pattern
         if device is None or self is not PATTERN_EFFECTS[0]:
             return {}
-        lines = device.row_fpn, device.column_fpn
-        alike = device.neighbours_in_row, device.neighbours_in_column
         pattern = DevicePattern(
-            rows=lines[0],
-            columns=lines[1],
-            along_row=alike[0],
-            along_column=alike[1],
-            width=section.own_chip.width if any((*lines, *alike)) else 0,
+            rows=device.row_fpn,
+            columns=device.column_fpn,
+            along_row=device.neighbours_in_row,
+            along_column=device.neighbours_in_column,
             prnu=device.prnu,
             dark=dark_current(device.dark_current, device.temperature),
             dsnu=device.dsnu,
@@ -123,6 +120,8 @@ class _PatternEffect(PixelEffect):
         """The whole pattern, from the first of these effects that acts."""
         first = next(effect for effect in PATTERN_EFFECTS if effect.acts(setting))
         pattern: DevicePattern = setting.pattern
+        if pattern.placed:
+            pattern = replace(pattern, width=setting.chip.width)
         return pattern.at(numbers) if self is first else None
 
 

@@ -26,7 +26,7 @@ class _RowTiming(PixelEffect):
     parameters: ClassVar = {"row_timing": None}
     keys: ClassVar = {
         "row_jitter": Key(
-            Annotated[float, Field(ge=0, le=0.1)],
+            Annotated[float, Field(ge=0, le=0.2)],
             Field(
                 default=0.0,
                 description="timing noise, RMS, of the pixels in the middle of a band of rows, "

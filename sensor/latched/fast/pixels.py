@@ -129,7 +129,7 @@ class FastPixels:
             f"-DCAP={CAP}",
             f"-DEMPTY=({EMPTY})",
             f"-DNOTHING=({NOTHING}f)",
-            f"-DGROUPS={self._together}",
+            f"-DGROUPS={1 if flags & JITTER else self._together}",
         ]
         if not self._device.gpu:
             defines.append("-DIN_TURN")
@@ -268,7 +268,7 @@ class FastPixels:
         for flags in self._lists:
             if bool(flags & _OWN) != own:
                 continue
-            items, local = self._items(g1 - g0, not flags or bool(flags & BANK))
+            items, local = self._items(g1 - g0, not flags or flags & (BANK | JITTER) == BANK)
             first = () if flags else (np.uint32(start % PERIOD),)
             self._kernels[flags][1](
                 device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,

@@ -283,9 +283,9 @@ class ReferencePixels:
     def _ahead(self, course: Any, latches: npt.NDArray[np.int64], cycle: int) -> Values:
         """Electrons that the timing noise of the last latches, (n,) ps, brought before the edge at
         which `cycle` begins: fractions are those at the edge. course: see `_course`."""
-        moves = 0 if self._moves is None else self._moves.moves(cycle, 1)[0][self._shared]
-        edges = self._clock.edge(cycle) + self._places[self._shared] + moves
-        return np.asarray((latches - edges) * _rates(course, np.arange(edges.size), edges))
+        edges = self._latches(cycle, 0)[self._shared, 0]  # those of the rows come first
+        rates = _rates(course, np.arange(edges.size), (edges + latches) // 2)
+        return np.asarray((latches - edges) * rates)
 
     def _pending_after(self, course: Any, latches: npt.NDArray[np.int64]) -> Values:
         """Electrons that dead times or resets of the circuit which last beyond the latches, (n,)

@@ -197,6 +197,6 @@ def test_rows_columns_and_neighbours_have_their_parts_in_common() -> None:
     plain = DevicePattern(prnu=0.02, device_seed=3)
     np.testing.assert_array_equal(replace(plain, width=width).at(some).gain, plain.at(some).gain)
     with pytest.raises(ValueError, match="width must be 1 or more"):
-        DevicePattern(rows=0.01)
+        DevicePattern(rows=0.01).at(some)
     with pytest.raises(ValueError, match=r"along_row must be 0 to 0\.6"):
         DevicePattern(along_row=0.7, width=4)

@@ -48,8 +48,8 @@ def test_the_preset_has_the_laws_of_a_recording(
         assert 0.9 * recorded[law["mean"]] < law["variance"] < 1.1 * recorded[law["mean"]]
         if law["mean"] in (3.0, 4.0, 6.0):  # recorded: -0.148, -0.128, -0.165
             assert -0.175 < law["correlation"] < -0.12
-    # The recording has 12.7. It differs from run to run, .9 to 54 over six seeds.
+    # The recording has 4.31. It differs from run to run, as a drift does.
     common = [laws["common_variance"], *(common_variance(tmp_path, words, n) for n in range(2, 7))]
-    assert 5 < np.median(common) < 30 and max(common) < 120
+    assert 1 < np.median(common) < 12 and max(common) < 50
     assert 0.026 < laws["core_spread"] < 0.031
     assert 40 < laws["above"] < 80 and 0.15 < laws["highest"] < 0.45 and laws["kurtosis"] > 30
