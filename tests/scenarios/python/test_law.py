@@ -75,7 +75,8 @@ def law_of(seen: Filmed) -> Law:
 @cache
 def issue(tolerance: float, draws: str = "bank") -> Filmed:
     """Even light of 50 ms on 128 x 64 pixels, of 60 e and .31 spikes a cycle."""
-    return film(60, 0.31, np.ones(100), tolerance=tolerance, draws=draws, check=True)
+    check = tolerance > 0 and draws == "bank"
+    return film(60, 0.31, np.ones(100), tolerance=tolerance, draws=draws, check=check)
 
 
 def rms(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> float:
@@ -235,7 +236,7 @@ def _intervals(spikes: npt.NDArray[np.uint8], q: float, rate: float) -> None:
     assert abs(correlation - (together / 2 / variance - 1)) < FAR * 1.5 / np.sqrt(one.size)
 
 
-@pytest.mark.parametrize("many", [6, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("many", [4, pytest.param(1000, marks=pytest.mark.slow)])
 def test_stated_limits_hold_in_random_scenes(many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The change of the law by the bank is known, so the limits of what a check has measured either
     include it or not: one in a thousand may not."""
