@@ -28,6 +28,7 @@ from cosim.config.amounts import number
 from cosim.light.light import Light
 from cosim.plan.error import (
     ARITHMETIC,
+    CONFIDENCE,
     BrokenPromise,
     Finding,
     Law,
@@ -182,10 +183,15 @@ class PlanCheck(Paired):
 
     def patches_law(self) -> Law | None:
         """The error in law of the patches that take the bank: of the camera that films there,
-        against the reference. None if there are none."""
-        if not self._banked.any():
+        against the reference. None if there are none, and with a single row, whose scatter says
+        nothing."""
+        return self._law_against("reference", 1 - CONFIDENCE)
+
+    def _law_against(self, other: str, doubt: float) -> Law | None:
+        """Change of the law of the camera of the run against that of another one."""
+        if not self._banked.any() or self.plane.rows < 2:
             return None
-        return law_change(self._spread("bank"), self._spread("reference"), self._floor)
+        return law_change(self._spread("bank"), self._spread(other), self._floor, doubt)
 
     def law(self) -> Law | None:
         """The error in law of the patches, with limits that include what is computed for all tiles
@@ -215,7 +221,9 @@ class PlanCheck(Paired):
         most, at = float(promised.max()), int(tiles[np.argmax(promised)])
         if change.least > most:
             return [reinstated(OWN_DRAWS, most, change.least, at)]
-        found = law_change(self._spread("bank"), self._spread("run"), self._floor, DOUBT)
+        found = self._law_against("run", DOUBT)
+        if found is None:
+            return []
         apart, alike = found.interval_tv, found.correlation
         for least, known in (
             (apart.ci[0], self._law.interval_tv.value),

@@ -160,7 +160,7 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
          "display.projector must be a frequency such as '16 kHz', or none, not 'off'; write --set "
          "display.projector='16 kHz'"),
         ("receiver", {},
-         "receiver must be one of title, duration, tolerance, seed, scene, sensor, readout, "
+         "receiver must be one of title, duration, tolerance, draws, seed, scene, sensor, readout, "
          "display, camera, image, code, link, not an unknown key; remove it"),
     ],
 )  # fmt: skip
