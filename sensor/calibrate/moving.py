@@ -113,7 +113,8 @@ def reset_rule(trains: Trains, good: npt.NDArray[np.bool_], squared: float) -> P
             but = ", but so it is in light that changes unseen, and between whole intervals"
     return _rule(
         rule, f"the covariance of successive intervals is {share:.2f} +- {2 * error:.2f} of that "
-        f"by a carried residual, 0 without one{but}", "constant light of another level, at 0.2 to 0.6 spikes a cycle",
+        f"by a carried residual, 0 without one{but}",
+        "constant light of another level, at 0.2 to 0.6 spikes a cycle",
     )  # fmt: skip
 
 

@@ -145,19 +145,15 @@ def film_command(preset: str, path: Path) -> str:
     """
     from cosim.config.quantity import Quantity
     from scenarios.assemble.schema.loading import load
-    from scenarios.assemble.schema.scenario import Scenario
-    from sensor.sections.sensor import SensorSection
 
-    film = load("film")[1]
-    assert isinstance(film, Scenario) and isinstance(film.sensor, SensorSection)
-    assert film.sensor.clock is not None
+    film: Any = load("film")[1]
     own = tomllib.loads(preset)["sensor"]
     sets = {"sensor.preset": str(path)}
     sets |= {f"sensor.{key}": own[key] for key in ("threshold", "clock")}
     more = Quantity("charge").read(own["threshold"]) / film.sensor.threshold
     more *= Quantity("frequency").read(own["clock"]) / film.sensor.clock
     if more > 1:
-        lux = float(f"{film.scene.illuminance * more:.4g}")
+        lux = math.ceil(film.scene.illuminance * more)
         sets["scene.illuminance"] = Quantity("illuminance").write(lux)
     return "viform run film " + " ".join(
         f"--set {key}={shlex.quote(value)}" for key, value in sets.items()
