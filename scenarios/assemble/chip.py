@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 from cosim import Clock, InputError
 from scenarios.assemble.schema.scenario import LinkScenario, Scenario
 from sensor.device.chips import Chip
-from sensor.latched.effects.catalogue import CATALOGUE
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
 from sensor.sections.own_chip import LEVELS, register_writes
-from sensor.sections.sensor import SensorSection
+from sensor.sections.provenance import effect_parameters
 
 
 def camera_setting(
@@ -60,18 +58,3 @@ def _resized(chip: Chip, height: int | None, width: int | None) -> Chip:
         chip, height=height or chip.height, width=width or chip.width,
         assumed=chip.assumed | assumed,
     )  # fmt: skip
-
-
-def effect_parameters(section: SensorSection, operation: Operation) -> dict[str, Any]:
-    """Parameters of every effect, by name. Raises InputError for what cannot be simulated."""
-    parameters: dict[str, Any] = {}
-    for effect in CATALOGUE:
-        for name, key in effect.keys.items():
-            value, default = getattr(section, name), key.field.get_default()
-            if section.pixel not in key.pixels and value != default:
-                raise InputError(
-                    f"sensor.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
-                    "leave it out: these pixels have no such effect",
-                )  # fmt: skip
-        parameters |= effect.configure(section, operation)
-    return parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -49,6 +50,8 @@ _LEAST_SPIKES: Final = 10
 _DARK_SPIKES: Final = 0.5
 """Spikes a pixel from which the dark recording is in the likelihood of the pattern."""
 _ROUNDS: Final = 2
+_FITS: Final = 2 * _ROUNDS + 2
+"""Fits of a calibration: of noise and pattern in rounds, of the noise before, and the last step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,15 +136,14 @@ def calibrate(
         flats: recordings of constant uniform light, of unknown strength.
         dark: recording without light.
         clock: clock of the latches; None for the one that the recordings state.
-        progress: receives the recordings that are read.
+        progress: receives the recordings that are read, and the fits.
 
     Raises:
         InputError: recordings that are too short, without spikes, of different sizes, or not what
             they are given as.
     """
-    if progress is not None:
-        progress.start("calibrate", len(flats) + 3)
-    read = _Read(clock, progress)
+    steps = _Steps(progress, len(flats) + 2)
+    read = _Read(clock, steps)
     notes: list[str] = []
     main = read(recording)
     given = [(read(each), each.ratio) for each in flats]
@@ -182,9 +184,7 @@ def calibrate(
             {p.name: p for p in found}, roles, (), (), (), tuple(notes), main.shape, main.clock,
             pairs,
         )  # fmt: skip
-    fits = _Fits(used, black, main if role == "scene" else None, notes)
-    if progress is not None:
-        progress.advance(len(flats) + 3)
+    fits = _Fits(used, black, main if role == "scene" else None, notes, steps)
     parameters = {p.name: p for p in fits.parameters()}
     return Calibration(
         parameters, roles, fits.levels, fits.histograms,
@@ -194,18 +194,32 @@ def calibrate(
     )  # fmt: skip
 
 
-class _Read:
-    """Reads recordings, with progress."""
+class _Steps:
+    """Steps of a calibration, shown. recordings: number of them at most; each is read and, if its
+    light is constant, compared with the model, and there are `_FITS` fits."""
 
-    def __init__(self, clock: Clock | None, progress: Progress | None) -> None:
-        self._clock, self._progress, self._done = clock, progress, 0
+    def __init__(self, progress: Progress | None, recordings: int) -> None:
+        self._progress, self._done = progress, 0
+        if progress is not None:
+            progress.start("calibrate", 2 * recordings + _FITS)
+
+    def __call__(self, what: str) -> None:
+        """Begins a step; those before it are done."""
+        if self._progress is not None:
+            self._progress.tell(f"calibrate: {what}")
+            self._progress.advance(self._done)
+        self._done += 1
+
+
+class _Read:
+    """Reads recordings."""
+
+    def __init__(self, clock: Clock | None, steps: _Steps) -> None:
+        self._clock, self._steps = clock, steps
 
     def __call__(self, recording: Recording) -> Trains:
-        trains = read_trains(recording.stream, recording.name, self._clock)
-        self._done += 1
-        if self._progress is not None:
-            self._progress.advance(self._done)
-        return trains
+        self._steps(f"{Path(recording.name).name} is read")
+        return read_trains(recording.stream, recording.name, self._clock)
 
 
 class _Fits:
@@ -216,11 +230,12 @@ class _Fits:
         dark: recording without light, or None.
         scene: a scene at rest, or None.
         notes: notes, which are extended.
+        steps: receives the fits.
     """
 
     def __init__(
         self, flats: Sequence[tuple[Trains, float | None]], dark: Trains | None,
-        scene: Trains | None, notes: list[str],
+        scene: Trains | None, notes: list[str], steps: _Steps,
     ) -> None:  # fmt: skip
         self.flats = [trains for trains, _ in flats]
         self.dark, self.scene = dark, scene
@@ -244,6 +259,7 @@ class _Fits:
                 "record more pixels, or brighter light",
             )  # fmt: skip
         self.dim = dark is not None and float(dark.spikes[self.good].mean()) < _DARK_SPIKES
+        steps("noise")
         noise = measure_noise([(each, self.good) for each in still], 0.0)
         if noise is None:
             raise InputError(
@@ -264,10 +280,12 @@ class _Fits:
         if self.flats:
             self.shade = shading(self.flats, self.good)
             for _ in range(_ROUNDS):
+                steps("pattern")
                 self.fit = fit_pattern(
                     self.flats, None if self.dim else dark, [ratio for _, ratio in flats],
                     self.shade, self.good, self.noise.squared.value, self.timing,
                 )  # fmt: skip
+                steps("noise")
                 again = measure_noise([(each, self.even) for each in still], self.dead, drift)
                 self.noise = again or self.noise
             if float(np.ptp(self.shade)) > 0.02:
@@ -276,10 +294,13 @@ class _Fits:
                     "light's, not the camera's"
                 )
         third = self.noise.third.value if self.noise.third is not None else 0.0
-        compared = (
-            compare_histograms(each, self.even, self.noise.squared.value, third, self.dead)
-            for each in sorted(still, key=lambda t: t.rate)
-        )
+        compared = []
+        for each in sorted(still, key=lambda t: t.rate):
+            steps(f"intervals of {Path(each.name).name}")
+            compared.append(
+                compare_histograms(each, self.even, self.noise.squared.value, third, self.dead)
+            )
+        steps("reset rule")
         self.histograms = tuple(h for h in compared if h is not None)
         light: list[float | None] = [None] * len(self.flats)
         if self.fit is not None and (self.fit.dark is not None or self.dim):

@@ -37,7 +37,11 @@ _SPARE: Final = 0.02
 """Share of pixels, those with fewest spikes, whose intervals are not used: with the same number of
 sums for all others, that number does not depend on their noise."""
 _ROUNDS: Final = 12
-"""Rounds of the fixed point of sigma, whose share in the latch's variance is small."""
+"""Rounds of the fixed point of sigma at most; its share in the latch's variance is small."""
+_SETTLED: Final = 1e-9
+"""Change of a fixed point over its value at which it is reached."""
+_NONE: Final = 1e-15
+"""Square, or variance in cycles^2, below which one is none, and a change of it as well."""
 _SIGNIFICANT: Final = 4.0
 """Standard errors from which timing noise of the latch is taken as real: one case in 16 000."""
 _DRIFTING: Final = 64
@@ -191,6 +195,8 @@ def _level(
             estimate, added = _with_timing(one, long)
         else:
             estimate = long.solve(0.0)
+        if _settled(max(squared, 0.0), max(estimate.value, 0.0)):
+            break
         squared = estimate.value
     jitter = added
     if not timing:
@@ -239,7 +245,9 @@ class _Sum:
             variance = max(squared, 0.0) * light**2
             expected = sample_variance(mean, variance, self.k, self.blocks, timing)
             rest = self._sums.variance[used] - self._drifted - expected + self.k * variance
-            squared = float(rest.sum() / weight.sum())
+            last, squared = squared, float(rest.sum() / weight.sum())
+            if _settled(max(last, 0.0), max(squared, 0.0)):
+                break
         self.residual = rest - squared * weight
         self.weight = float(weight.sum())
         return Estimate(squared, math.sqrt(float((self.residual**2).sum())) / self.weight)
@@ -267,6 +275,11 @@ class _Sum:
         return Estimate(value, math.sqrt(float((off**2).sum())) / float(weight.sum()))
 
 
+def _settled(before: float, now: float) -> bool:
+    """Whether a fixed point is reached, from two of its values, 0 or more."""
+    return abs(now - before) <= _SETTLED * now + _NONE
+
+
 def _difference(one: _Sum, other: _Sum, short: Estimate, long: Estimate) -> float:
     """Standard error of the difference of two estimates from the same pixels."""
     if one.pixels.sum() != other.pixels.sum():
@@ -278,11 +291,14 @@ def _difference(one: _Sum, other: _Sum, short: Estimate, long: Estimate) -> floa
 def _with_timing(one: _Sum, long: _Sum) -> tuple[Estimate, Estimate]:
     """sigma^2 and s^2 from sums of 1 and of k intervals, in turn: sigma^2 from the long ones, in
     which timing noise counts 1/k, and 2 s^2 from the single ones."""
-    timing = 0.0
+    timing = squared = 0.0
     for _ in range(4 * _ROUNDS):
-        squared = long.solve(timing).value
+        before = squared, timing
+        squared = long.solve(timing, squared).value
         short = one.solve(timing, squared)
         timing = max(timing + (short.value - squared) * one.weight / one.shares, 0.0)
+        if _settled(max(before[0], 0.0), max(squared, 0.0)) and _settled(before[1], timing):
+            break
     squared = long.solve(timing).value
     one.solve(timing, squared)
     matrix = np.array([[one.weight, one.shares], [long.weight, long.shares]])

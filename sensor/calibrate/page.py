@@ -122,7 +122,7 @@ def preset_text(result: Calibration) -> str | None:
         sensor["reset"] = found["reset"].value
     dead = found["dead_time"].value
     if isinstance(dead, float):
-        sensor["dead_time"] = Quantity("time").write(dead)
+        sensor["dead_time"] = Quantity("time").write(min(dead, 1 / result.clock.hz))
     if result.duplicated:
         sensor["duplicated_rows"] = [list(pair) for pair in result.duplicated]
     for name in ("drift", "row_jitter", "row_band", "row_band_width"):
@@ -138,12 +138,12 @@ def preset_text(result: Calibration) -> str | None:
     ):
         for name in names:
             value = found[name].value if name in found else None
-            if isinstance(value, float):
-                section[name] = value
+            if isinstance(value, float):  # estimates of a share, also beyond what a key may be
+                section[name] = min(value, 1.0) if section is pattern else value
     if "prnu" not in pattern and "gain_spread" in found:
         spread = found["gain_spread"].value
         if isinstance(spread, float):
-            pattern["prnu"] = spread
+            pattern["prnu"] = min(spread, 1.0)
             lines.append("PRNU and spread of the threshold are not told apart: prnu is both")
     pattern |= _lines_of(found, pattern)
     if pattern.get("hot_pixels") and "hot_current" not in of_threshold:

@@ -17,6 +17,12 @@ LEAST_CYCLES: Final = 64
 """Shortest recording that is read, cycles; a pixel at 0.3 spikes a cycle then has 19 spikes."""
 _BYTES: Final = 1 << 30
 """Bytes of a stream that are read at most."""
+WINDOW: Final = 8
+"""Intervals of a window in which light is followed."""
+_SHORTEST_MEAN: Final = 1.8
+"""Least mean interval of a window, cycles: a shorter one may hide spikes."""
+_LONGEST_MEAN: Final = 8
+"""Largest mean interval of a window, cycles: noise and motion grow with it, rounding does not."""
 Counts = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 
@@ -38,6 +44,25 @@ class Sums:
     blocks: int
     variance: Values
     third: Values
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """Second and third differences of intervals, in windows of `WINDOW` successive intervals whose
+    mean is from `_SHORTEST_MEAN` to `_LONGEST_MEAN` cycles.
+
+    Attributes:
+        number: (n, WINDOW) differences of each pixel, by what the cycles of their window leave over
+            whole mean intervals; 0 where not used.
+        second: (n,) sums of the squares of second differences, cycles^2.
+        third: (n, WINDOW) the same of third ones, each as `number`.
+        levels: windows whose mean is nearest to 0, 1, 2, ... cycles.
+    """
+
+    number: Counts
+    second: Values
+    third: Values
+    levels: Counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +114,14 @@ class Trains:
         _successive(self.words, self.cycles, chosen & (self.spikes > 2), squares, products)
         return squares, products
 
-    def differences(self, chosen: npt.NDArray[np.bool_]) -> tuple[Values, Counts]:
-        """Sum of the products of differences of successive intervals, each with the one after the
-        next, and their number, (n,) each; 0 for other pixels."""
-        products, number = np.zeros(chosen.shape), np.zeros(chosen.shape, np.int64)
-        _differences(self.words, self.cycles, chosen & (self.spikes > 4), products, number)
-        return products, number
+    def changes(self, chosen: npt.NDArray[np.bool_]) -> Changes:
+        """Second and third differences of successive intervals of the chosen pixels, (n,) bool."""
+        n = len(chosen)
+        number, levels = np.zeros((n, WINDOW), np.int64), np.zeros(_LONGEST_MEAN + 1, np.int64)
+        second, third = np.zeros(n), np.zeros((n, WINDOW))
+        used = chosen & (self.spikes > WINDOW)
+        _changes(self.words, self.cycles, used, number, second, third, levels)
+        return Changes(number, second, third, levels)
 
     def histogram(self, longest: int, chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
         """Intervals of 1 to `longest` cycles, and longer ones, of the chosen pixels: (pixels,
@@ -179,18 +206,25 @@ def _successive(words, cycles, used, squares, products):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _differences(words, cycles, used, products, number):  # type: ignore[no-untyped-def]
-    """See `Trains.differences`; products and number are written."""
+def _changes(words, cycles, used, number, second, third, levels):  # type: ignore[no-untyped-def]
+    """See `Changes`, whose arrays are written."""
     at = np.empty(cycles, np.int64)
     for pixel in range(words.shape[0]):
         if not used[pixel]:
             continue
         n = _spikes(words[pixel], cycles, at)
-        for i in range(n - 4):
-            early = at[i + 2] - 2 * at[i + 1] + at[i]
-            late = at[i + 4] - 2 * at[i + 3] + at[i + 2]
-            products[pixel] += early * late
-            number[pixel] += 1
+        for begin in range(0, n - WINDOW, WINDOW):
+            mean = (at[begin + WINDOW] - at[begin]) / WINDOW
+            if mean < _SHORTEST_MEAN or mean > _LONGEST_MEAN:
+                continue
+            levels[int(mean + 0.5)] += 1
+            over = (at[begin + WINDOW] - at[begin]) % WINDOW
+            for i in range(begin, begin + WINDOW - 3):
+                a, b = at[i + 1] - at[i], at[i + 2] - at[i + 1]
+                c, d = at[i + 3] - at[i + 2], at[i + 4] - at[i + 3]
+                second[pixel] += (d - 2 * c + b) ** 2
+                third[pixel, over] += (d - 3 * c + 3 * b - a) ** 2
+                number[pixel, over] += 1
 
 
 @njit(cache=True, nogil=True)

@@ -1,10 +1,17 @@
-"""Rows of a report's table of the machine: the camera's numbers and where each is from."""
+"""Rows of a report's table of the machine: the camera's numbers and where each is from.
+
+This file also covers the parameters of every effect that a section gives.
+"""
 
 from __future__ import annotations
 
+from typing import Any
+
 from cosim.config.amounts import number
+from cosim.errors import InputError
 from sensor.device.chips import GIVEN
-from sensor.latched.effects.catalogue import all_keys
+from sensor.latched.effects.catalogue import CATALOGUE, all_keys
+from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
 from sensor.sections.preset_file import BUILT_IN
 from sensor.sections.sensor import SensorSection
@@ -47,3 +54,18 @@ def fault_rows(section: SensorSection) -> list[list[str]]:
         origin = f"{assumed.provenance}: {assumed.source}" if assumed and of_preset else own
         rows.append([name.replace("_", " "), str(value), origin])
     return rows
+
+
+def effect_parameters(section: SensorSection, operation: Operation) -> dict[str, Any]:
+    """Parameters of every effect, by name. Raises InputError for what cannot be simulated."""
+    parameters: dict[str, Any] = {}
+    for effect in CATALOGUE:
+        for name, key in effect.keys.items():
+            value, default = getattr(section, name), key.field.get_default()
+            if section.pixel not in key.pixels and value != default:
+                raise InputError(
+                    f"sensor.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
+                    "leave it out: these pixels have no such effect",
+                )  # fmt: skip
+        parameters |= effect.configure(section, operation)
+    return parameters

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shlex
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -125,7 +127,34 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> list[s
     preset = folder / "camera.toml"
     lines.append(f"{folder / 'report.html'}")
     if "camera.toml" in document["files"]:
-        lines.append(as_called(f"viform run film --set sensor.preset={preset}"))
+        text = preset.read_text(encoding="utf-8")
+        lines.append(as_called(film_command(text, preset)))
     else:
         lines.append("no camera.toml: it takes the temporal noise, which is not known")
     return lines
+
+
+def film_command(preset: str, path: Path) -> str:
+    """The command that films with a preset. A scenario's own keys win over a preset's, so those
+    that `film` has as well are given: its threshold may have more shot noise than the camera has
+    noise. Its light is raised as the camera needs more of it, for the same lens.
+
+    Args:
+        preset: text of the file.
+        path: path of the file.
+    """
+    from cosim.config.quantity import Quantity
+    from scenarios.assemble.schema.loading import load
+
+    film: Any = load("film")[1]
+    own = tomllib.loads(preset)["sensor"]
+    sets = {"sensor.preset": str(path)}
+    sets |= {f"sensor.{key}": own[key] for key in ("threshold", "clock")}
+    more = Quantity("charge").read(own["threshold"]) / film.sensor.threshold
+    more *= Quantity("frequency").read(own["clock"]) / film.sensor.clock
+    if more > 1:
+        lux = math.ceil(film.scene.illuminance * more)
+        sets["scene.illuminance"] = Quantity("illuminance").write(lux)
+    return "viform run film " + " ".join(
+        f"--set {key}={shlex.quote(value)}" for key, value in sets.items()
+    )

@@ -122,7 +122,8 @@ def test_one_flat_limits_the_dead_time_by_its_intervals() -> None:
 
 def test_a_hard_reset_is_named() -> None:
     truth = a_camera()
-    flat = Recording("flat", truth.record(0.37, 2000, 1, reset="hard"))
+    # At 0.37 spikes a cycle all intervals would be of 3 cycles, as those of a residual at 1/3 are.
+    flat = Recording("flat", truth.record(0.33, 2000, 1, reset="hard"))
     result = calibrate(flat)
     assert result.parameters["reset"].value == "hard"
     assert any(line.startswith("reset rule") for line in result.does_not_fit)

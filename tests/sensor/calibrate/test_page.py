@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cosim import InputError
+from cosim import Clock, InputError
 from cosim.config.toml import to_toml
+from cosim.spikes.viform import Viform
+from scenarios.assemble.lens import choose_lens
 from scenarios.assemble.schema.loading import load
+from scenarios.cli.study.calibrate import film_command
+from sensor import CHIPS, CameraSetting
 from sensor.calibrate.calibration import Recording, calibrate
 from sensor.calibrate.page import preset_text
 from sensor.device.pattern import DevicePattern
@@ -66,6 +71,47 @@ def test_what_is_calibrated_is_what_a_scenario_has(tmp_path: Path) -> None:
     resolved = load(str(scenario))[1]
     again.write_text(to_toml(resolved))
     assert load(str(again))[1] == resolved
+
+
+def sets_of(command: str) -> list[str]:
+    """The values of --set of a command that films."""
+    words = shlex.split(command)
+    assert words[:3] == ["viform", "run", "film"]
+    assert words[3::2] == ["--set"] * (len(words) // 2 - 1)
+    return words[4::2]
+
+
+@pytest.mark.parametrize("electrons", [60, 14_201, None])
+@pytest.mark.parametrize("hertz", [10_000, 20_000])
+def test_the_printed_command_takes_the_printed_preset(
+    tmp_path: Path, electrons: int | None, hertz: int
+) -> None:
+    """Renewal processes of this many electrons, None for no noise: film has a threshold of 1000 e
+    and a clock of 40 kHz, which would win."""
+    rng = np.random.default_rng(4)
+    spread = 0.0 if electrons is None else electrons**-0.5
+    period = 3.4 * (1 + 0.02 * rng.standard_normal(768))
+    each = 1 + spread * rng.standard_normal((120, 768))
+    each[0] = rng.random(768)
+    at = np.cumsum(period * np.maximum(each, 0.3), axis=0).astype(int)
+    planes = np.zeros((300, 768), np.uint8)
+    seen = at < 300
+    planes[at[seen], np.broadcast_to(np.arange(768), at.shape)[seen]] = 1
+    stream = Viform.from_planes(planes.reshape(300, 24, 32), Clock(hertz))
+    text = preset_text(calibrate(Recording("a", stream)))
+    assert text is not None
+    path = tmp_path / "a camera.toml"
+    path.write_text(text)
+    scenario = load("film", sets_of(film_command(text, path)))[1]
+    sensor = scenario.sensor
+    written = tomllib.loads(text)
+    noise = np.hypot(sensor.threshold**-0.5, sensor.threshold_noise / sensor.threshold)
+    assert noise == pytest.approx(written["of_threshold"]["interval_noise"], rel=1e-3)
+    setting = CameraSetting(
+        CHIPS[sensor.chip], Clock(hertz), sensor.threshold, 1, sensor.wavelength
+    )
+    assert choose_lens(scenario, setting).white_rate == 0.6  # there is light enough for it
+    assert sensor.clock == hertz and (sensor.width, sensor.height) == (32, 24)
 
 
 def test_without_a_dark_recording_the_preset_says_so() -> None:

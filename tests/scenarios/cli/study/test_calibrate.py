@@ -14,6 +14,7 @@ from PIL import Image
 from cosim.clock import Clock
 from cosim.files import write_stream
 from cosim.spikes.viform import Viform
+from sensor.device.chips import CHIPS
 
 ROOT = Path(__file__).parents[4]
 PAGE = ROOT / "docs/calibration.md"
@@ -55,6 +56,28 @@ def test_the_example_of_the_page(viform, tmp_path, monkeypatch):
     page = (folder / "report.html").read_text()
     assert "What does not fit" in page and "Not known, and why" in page
     assert not list(folder.glob(".*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["ideal", "silicon"])
+@pytest.mark.parametrize("chip", [name for name in CHIPS if name != "spikeasync"])
+def test_every_preset_is_calibrated_and_films_by_the_printed_command(
+    viform, tmp_path, chip, preset
+):  # fmt: skip
+    small = ("--set", "sensor.width=48", "--set", "sensor.height=32", "--set", "duration=25 ms")
+    flat = ("--set", "scene.kind=target", "--set", "scene.contrast=1e-9")
+    code, _, err = viform(
+        "run", "film", *flat, *small, "--set", f"sensor.chip={chip}", "--set",
+        f"sensor.preset={preset}", "--set", "sensor.threshold=15000 e", "--set",
+        "sensor.lens.white_rate=0.4", "--set", "sensor.clock=20 kHz", "--out", tmp_path / "flat",
+    )  # fmt: skip
+    assert code == 0, err
+    code, out, err = viform("calibrate", tmp_path / "flat", "--out", tmp_path / "camera")
+    assert code == 0, err
+    command = next(line for line in out.splitlines() if "camera.toml" in line)
+    words = shlex.split(command)[1:]
+    code, _, err = viform(*words, "--set", "duration=5 ms", "--out", tmp_path / "filmed")
+    assert code == 0, err
 
 
 def stream(path: Path, cycles: int, seed: int, shape: tuple[int, int] = (8, 8)) -> Path:
