@@ -1,6 +1,5 @@
-"""Rows of a report's table of the machine: the camera's numbers and where each is from.
-
-This file also covers the parameters of every effect that a section gives.
+"""The numbers of a camera from its [sensor] section: the parameters of its effects, and the rows of
+a report's table of the machine, which say where each number is from.
 """
 
 from __future__ import annotations
