@@ -178,7 +178,8 @@ def calibrate(
     if role == "moving" and not used:
         pairs = duplicated_rows(main)
         found = [
-            *moving_parameters(main), duplicate_parameter(pairs), *outside_parameters(False)
+            *moving_parameters(main), *([duplicate_parameter(pairs)] if pairs else []),
+            *outside_parameters(False),
         ]  # fmt: skip
         return Calibration(
             {p.name: p for p in found}, roles, (), (), (), tuple(notes), main.shape, main.clock,

@@ -203,12 +203,11 @@ class ReferencePixels:
                 inside = {clock.edge(c) for c in cycles}
                 cuts = sorted({*cuts, *(e for e in inside if piece.start < e < piece.stop)})
             length = piece.stop - piece.start
+            lit = [a + (b - a) * ((t - piece.start) / length) for t in cuts]
             levels = [
-                transfer_light(
-                    model.transfers, (a + (b - a) * ((t - piece.start) / length)) * per_threshold, 1
-                ) / per_threshold
-                for t in cuts
-            ]  # fmt: skip
+                transfer_light(model.transfers, level * per_threshold, 1) / per_threshold
+                for level in lit
+            ]
             begins += cuts[:-1]
             ends += cuts[1:]
             starts += levels[:-1]
@@ -220,8 +219,7 @@ class ReferencePixels:
         )  # fmt: skip
 
     def _latches(self, start: int, cycles: int) -> npt.NDArray[np.int64]:
-        """Instants at which cycles begin and end, (rows, cycles + 1) ps; `_rows` says which
-        row a pixel has."""
+        """Instants at which cycles begin and end, (rows, cycles + 1) ps; see `_rows`."""
         edges = np.array([self._clock.edge(start + c) for c in range(cycles + 1)], np.int64)
         latches: npt.NDArray[np.int64] = edges + self._places[:, None]
         if self._moves is not None:
@@ -229,10 +227,9 @@ class ReferencePixels:
         if self._timing is None:
             return latches
         timing, period = self._timing, PS * float(self._clock.period)
-        moved = np.array([timing.at(start + c) for c in range(cycles + 1)], np.float64)
-        steps = np.rint(moved.reshape(cycles + 1, -1).T * period).astype(np.int64)
+        moved = np.array([timing.at(start + c).ravel() for c in range(cycles + 1)], np.float64)
         shared = self._shared[timing.first * timing.columns : timing.stop * timing.columns]
-        return np.concatenate([latches, latches[shared] + steps])
+        return np.concatenate([latches, latches[shared] + np.rint(moved.T * period).astype(int)])
 
     def expose(self, light: Light, start: int, cycles: int) -> npt.NDArray[np.uint32]:
         """Latched bits of cycles `start` to `start + cycles` of the clock.
@@ -284,8 +281,7 @@ class ReferencePixels:
         """Electrons that the timing noise of the last latches, (n,) ps, brought before the edge at
         which `cycle` begins: fractions are those at the edge. course: see `_course`."""
         edges = self._latches(cycle, 0)[self._shared, 0]  # those of the rows come first
-        rates = _rates(course, np.arange(edges.size), (edges + latches) // 2)
-        return np.asarray((latches - edges) * rates)
+        return (latches - edges) * _rates(course, np.arange(edges.size), (edges + latches) // 2)
 
     def _pending_after(self, course: Any, latches: npt.NDArray[np.int64]) -> Values:
         """Electrons that dead times or resets of the circuit which last beyond the latches, (n,)
