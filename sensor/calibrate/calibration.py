@@ -37,7 +37,7 @@ from sensor.calibrate.misfits import misfits
 from sensor.calibrate.moving import moving_parameters, reset_rule
 from sensor.calibrate.noise import Noise, measure_noise
 from sensor.calibrate.pattern import PatternFit, fit_pattern
-from sensor.calibrate.trains import Trains, read_trains
+from sensor.calibrate.trains import Steps, Trains, read_trains
 from sensor.laboratory.laws import measure_laws
 
 Role = Literal["flat", "scene", "moving", "dark", "saturated"]
@@ -51,7 +51,8 @@ _DARK_SPIKES: Final = 0.5
 """Spikes a pixel from which the dark recording is in the likelihood of the pattern."""
 _ROUNDS: Final = 2
 _FITS: Final = 2 * _ROUNDS + 2
-"""Fits of a calibration: of noise and pattern in rounds, of the noise before, and the last step."""
+"""Steps of a calibration beside the reading and comparing of each recording: fits of noise and
+pattern in rounds, of the noise before, and of the reset rule."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +143,12 @@ def calibrate(
         InputError: recordings that are too short, without spikes, of different sizes, or not what
             they are given as.
     """
-    steps = _Steps(progress, len(flats) + 2)
-    read = _Read(clock, steps)
+    steps = Steps(progress, 2 * (len(flats) + 2) + _FITS)
+
+    def read(each: Recording) -> Trains:
+        steps(f"{Path(each.name).name} is read")
+        return read_trains(each.stream, each.name, clock)
+
     notes: list[str] = []
     main = read(recording)
     given = [(read(each), each.ratio) for each in flats]
@@ -195,34 +200,6 @@ def calibrate(
     )  # fmt: skip
 
 
-class _Steps:
-    """Steps of a calibration, shown. recordings: number of them at most; each is read and, if its
-    light is constant, compared with the model, and there are `_FITS` fits."""
-
-    def __init__(self, progress: Progress | None, recordings: int) -> None:
-        self._progress, self._done = progress, 0
-        if progress is not None:
-            progress.start("calibrate", 2 * recordings + _FITS)
-
-    def __call__(self, what: str) -> None:
-        """Begins a step; those before it are done."""
-        if self._progress is not None:
-            self._progress.tell(f"calibrate: {what}")
-            self._progress.advance(self._done)
-        self._done += 1
-
-
-class _Read:
-    """Reads recordings."""
-
-    def __init__(self, clock: Clock | None, steps: _Steps) -> None:
-        self._clock, self._steps = clock, steps
-
-    def __call__(self, recording: Recording) -> Trains:
-        self._steps(f"{Path(recording.name).name} is read")
-        return read_trains(recording.stream, recording.name, self._clock)
-
-
 class _Fits:
     """The fits to recordings of constant light.
 
@@ -236,7 +213,7 @@ class _Fits:
 
     def __init__(
         self, flats: Sequence[tuple[Trains, float | None]], dark: Trains | None,
-        scene: Trains | None, notes: list[str], steps: _Steps,
+        scene: Trains | None, notes: list[str], steps: Steps,
     ) -> None:  # fmt: skip
         self.flats = [trains for trains, _ in flats]
         self.dark, self.scene = dark, scene

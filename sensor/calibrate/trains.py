@@ -11,6 +11,7 @@ from numba import njit
 
 from cosim.clock import Clock
 from cosim.errors import InputError
+from cosim.run.progress import Progress
 from cosim.spikes.viform import SpikeStream, words_for
 
 LEAST_CYCLES: Final = 64
@@ -237,6 +238,22 @@ def _histogram(words, cycles, longest, out):  # type: ignore[no-untyped-def]
                 if before >= 0:
                     out[pixel, min(cycle - before, longest + 1) - 1] += 1
                 before = cycle
+
+
+class Steps:
+    """Steps of a calibration, shown. progress: receives them, None for no one; total: how many."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self._progress, self._done = progress, 0
+        if progress is not None:
+            progress.start("calibrate", total)
+
+    def __call__(self, what: str) -> None:
+        """Begins a step; those before it are done."""
+        if self._progress is not None:
+            self._progress.tell(f"calibrate: {what}")
+            self._progress.advance(self._done)
+        self._done += 1
 
 
 def read_trains(stream: SpikeStream, name: str, clock: Clock | None = None) -> Trains:
