@@ -16,6 +16,7 @@ from sensor.calibrate.noise import Noise
 from sensor.calibrate.pattern import PatternFit
 from sensor.calibrate.trains import Trains
 from sensor.device.pattern import CORRELATED
+from sensor.latched.sampling import MOST_JITTER
 
 CHANCE: Final = 1e-4
 """Chance below which a deviation is named."""
@@ -58,10 +59,11 @@ def misfits(
                 f"noise of an interval is not the same at all levels ({values}): light that "
                 "flickers, a leak, or noise that depends on time"
             )
-    if noise.timing and band is None:
+    if noise.timing and (band is None or band.jitter > MOST_JITTER):
         out.append(
             f"latch: intervals have a timing noise of {max(noise.jitter.value, 0) ** 0.5:.3g} "
-            "cycles that does not accumulate; see sensor.row_jitter"
+            "cycles that does not accumulate; sensor.row_jitter is of a band of rows, "
+            f"{MOST_JITTER:g} at most"
         )
     if fit is not None and not fit.converged:
         out.append(

@@ -27,6 +27,7 @@ from sensor.calibrate.histograms import Histogram
 from sensor.calibrate.known import Parameter
 from sensor.calibrate.twin import FILMS, LEVEL, Twin, compare_twin
 from sensor.device.pattern import CORRELATED
+from sensor.latched.sampling import MOST_JITTER
 
 _BLUE: Final = "#2f5fa8"
 _SHOWN: Final = 1e-7
@@ -128,7 +129,7 @@ def preset_text(result: Calibration) -> str | None:
     for name in ("drift", "row_jitter", "row_band", "row_band_width"):
         value = found[name].value if name in found else None
         if isinstance(value, float) and (name != "drift" or found[name].ci[0]):
-            most = {"row_jitter": 0.2, "drift": 0.1}.get(name, value)  # those of the keys
+            most = {"row_jitter": MOST_JITTER, "drift": 0.1}.get(name, value)  # those of the keys
             sensor[name] = min(value, most)
     pattern: dict[str, Any] = {}
     of_threshold: dict[str, Any] = {"interval_noise": noise}

@@ -47,6 +47,8 @@ Values = npt.NDArray[np.float64]
 Moves = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 
+MOST_JITTER: Final = 0.2
+"""Largest timing noise, RMS, cycles; LIMIT is more than twice as large."""
 LIMIT: Final = 0.45
 """Largest move of a sampling instant, cycles; so the instants of a pixel keep their order."""
 KNOT: Final = 16

@@ -12,7 +12,7 @@ from cosim.config.quantity import Share
 from cosim.plan.effects import Bound, Summary
 from sensor.latched.effects.effect import Key, Operation, PixelEffect, Setting, Sized, sampling_cost
 from sensor.latched.effects.windows import bound_of, shift_error
-from sensor.latched.sampling import RowTiming
+from sensor.latched.sampling import MOST_JITTER, RowTiming
 
 _RECORDING: Final = "a recording of a 400 x 250 chip, 500 cycles of a static board"
 
@@ -26,7 +26,7 @@ class _RowTiming(PixelEffect):
     parameters: ClassVar = {"row_timing": None}
     keys: ClassVar = {
         "row_jitter": Key(
-            Annotated[float, Field(ge=0, le=0.2)],
+            Annotated[float, Field(ge=0, le=MOST_JITTER)],
             Field(
                 default=0.0,
                 description="timing noise, RMS, of the pixels in the middle of a band of rows, "

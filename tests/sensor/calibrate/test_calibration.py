@@ -148,13 +148,21 @@ def test_timing_noise_of_the_latch_is_named_and_taken_off() -> None:
     assert truth.shape == (32, 48)
 
 
-def test_neighbours_that_share_light_are_named() -> None:
+def test_light_that_is_not_uniform_is_in_the_columns_or_named() -> None:
     truth = a_camera()
     setting = truth.setting(1)
-    lux = np.full(truth.shape, 0.4 / setting.rate(1.0), np.float32)
-    lux[:, 8:16] *= 1.05  # a stripe, which no smooth surface explains
-    flat = Recording("flat", film(setting, lux, 2000))
-    assert any(line.startswith("neighbours") for line in calibrate(flat).does_not_fit)
+    even = np.full(truth.shape, 0.4 / setting.rate(1.0), np.float32)
+    stripe, board = even.copy(), even.copy()
+    stripe[:, 8:16] *= 1.05  # which no smooth surface explains, but columns of a pattern do
+    board[np.indices(truth.shape).sum(axis=0) % 2 == 1] *= 1.15  # which no pattern explains
+    of_columns, of_board = (
+        calibrate(Recording("flat", film(setting, lux, 2000))) for lux in (stripe, board)
+    )
+    low, high = of_columns.parameters["column_fpn"].ci
+    assert low is not None and high is not None and 0.01 < low < high < 0.03
+    assert of_columns.does_not_fit == ()
+    named = [line for line in of_board.does_not_fit if line.startswith("neighbours")]
+    assert len(named) == 2 and all("correlate by -" in line for line in named)
 
 
 def test_what_cannot_be_calibrated_is_refused_in_one_line() -> None:
