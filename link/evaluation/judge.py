@@ -98,9 +98,7 @@ def _theory(
     cells = closed() if errors.bits else None
     if cells is None:
         return Theory(soft, predict_errors(scene, mode) or None, interval)
-    # The limits are those of the draws; of symbols of one tick film differs by more.
-    limits = None if mode.ticks == 1 else (cells.low, cells.high)
-    return Theory(soft, cells.rate, interval, limits)
+    return Theory(soft, cells.rate, interval, (cells.low, cells.high))
 
 
 def _image(stream: SpikeStream) -> npt.NDArray[np.float32]:

@@ -49,8 +49,9 @@ class Theory:
         closed: estimate from geometry, light and threshold; None if no closed form models the cause
             of failure, or if it underflows.
         interval: interval of the measured rate, 99.9 %.
-        closed_interval: 99.9 % limits of the draws of `cell_errors`; None for the coarse estimate
-            of `predict_errors`, which is used without a hard reset, or if nothing was received.
+        closed_interval: 99.9 % limits of the draws of `cell_errors` or `chain_errors`; None for the
+            coarse estimate of `predict_errors`, which is used without a hard reset, or if nothing
+            was received.
     """
 
     soft: float | None

@@ -9,9 +9,10 @@ import pytest
 from cv2 import imread
 
 from link.evaluation.errors import count_errors
+from link.evaluation.record import Theory
 from link.layout import Layout
 from link.mode import Mode
-from link.report.errors import end_text
+from link.report.errors import end_text, theory_text
 from link.report.figures import lowest_rate
 from link.report.signal_figures import view_figure
 
@@ -39,6 +40,14 @@ def test_errors_of_the_transmissions_last_symbol_are_told_apart():
     for other in (_errors({50: 2}, 57), _errors({50: 2, 57: 5}, 59), _errors({}, 57)):
         assert other.at_end == 0
         assert not end_text(other)
+
+
+def test_theory_is_stated_with_its_limits_and_with_what_it_takes_as_known():
+    drawn, coarse = Theory(None, 2.2e-4, None, (1.8e-4, 3.2e-4)), Theory(None, 2.2e-4, None)
+    for ticks, learns in ((1, True), (2, False)):
+        said = theory_text(drawn, ticks)
+        assert "0.00018 to 0.00032" in said and ("learns these laws" in said) is learns
+        assert "coarse estimate" in theory_text(coarse, ticks)
 
 
 def test_the_axis_of_error_rates_begins_below_all_that_is_drawn():
