@@ -204,8 +204,9 @@ def read_result(folder: Path) -> Result | None:
         return None
     try:
         error, plan = dict(document.pop("error")), document.pop("plan")
-        tolerance, ci, law = (error.pop(key) for key in ("tolerance", "ci", "law"))
-        of: Of = error.pop("of") or "run"
+        tolerance, ci = (error.pop(key) for key in ("tolerance", "ci"))
+        law = error.pop("law", None)  # results of earlier versions have no law
+        of: Of = error.pop("of", None) or "run"
         metrics = {name: Metric(**metric) for name, metric in document.pop("metrics").items()}
         latency = [Latency(**row) for row in document.pop("latency")]
         throughput = [Throughput(**row) for row in document.pop("throughput")]

@@ -59,12 +59,16 @@ def effect_parameters(section: SensorSection, operation: Operation) -> dict[str,
     """Parameters of every effect, by name. Raises InputError for what cannot be simulated."""
     parameters: dict[str, Any] = {}
     for effect in CATALOGUE:
-        for name, key in effect.keys.items():
-            value, default = getattr(section, name), key.field.get_default()
-            if section.pixel not in key.pixels and value != default:
-                raise InputError(
-                    f"sensor.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
-                    "leave it out: these pixels have no such effect",
-                )  # fmt: skip
+        for place, keys, given in (
+            ("sensor", effect.keys, section),
+            ("sensor.pattern", effect.pattern_keys if section.pattern else {}, section.pattern),
+        ):
+            for name, key in keys.items():
+                value, default = getattr(given, name), key.field.get_default()
+                if section.pixel not in key.pixels and value != default:
+                    raise InputError(
+                        f"{place}.{name}", f"absent with pixel = {section.pixel}", f"{value:g}",
+                        "leave it out: these pixels have no such effect",
+                    )  # fmt: skip
         parameters |= effect.configure(section, operation)
     return parameters

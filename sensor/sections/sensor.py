@@ -315,7 +315,11 @@ def _silicon_sizes(data: dict[str, Any]) -> dict[str, Any]:
 
 def _is_none(value: Any) -> bool:
     """Whether a current or a spread is given as 0; a wrong one is refused on its own."""
-    try:
-        return value == 0 or (value is not None and Quantity("current").read(value) == 0)
-    except ValueError:
+    if value is None:
         return False
+    for read in (float, Quantity("current").read):  # a spread is a number, also as text
+        try:
+            return read(value) == 0
+        except (ValueError, TypeError):
+            continue
+    return False

@@ -191,5 +191,5 @@ def test_the_silicon_preset_fills_in_what_is_absent() -> None:
 
 def test_every_size_of_the_preset_says_where_it_is_from() -> None:
     sizes = [key.silicon for _, key in all_keys() if key.silicon is not None]
-    assert len(sizes) == 15 and all(sized.value > 0 and sized.source for sized in sizes)
+    assert len(sizes) == 18 and all(sized.value > 0 and sized.source for sized in sizes)
     assert {sized.provenance for sized in sizes} == {"assumed"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pickle
 import sys
+from functools import partial
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 import viform
 from cosim import InputError
+from cosim.compute.opencl import Device
 from scenarios.python import training
 from tests.survival.forked import copied
 
@@ -94,17 +96,21 @@ def test_a_worker_is_forked_before_anything_is_filmed() -> None:
     assert (done.returncode, done.stdout) == (0, "[True, True]"), done.stderr
 
 
-def test_a_fork_after_a_film_says_how_to_start_workers() -> None:
-    camera = viform.Camera(**SMALL)
-    camera.film(CLIPS[0], 2000)
+def test_a_fork_after_a_film_says_how_to_start_workers(device: Device) -> None:
+    before = {}
+    for name in ("numba", None):  # threads of compiled functions are begun anew, not OpenCL's
+        camera = viform.Camera(**SMALL | {"device": name})
+        before[name] = camera, camera.film(CLIPS[0], 2000, call=0).words
 
-    def again() -> str:
+    def again(name: str | None) -> str:
+        camera, words = before[name]
         try:
-            return str(camera.film(CLIPS[0], 2000))
+            return str((camera.film(CLIPS[0], 2000, call=0).words == words).all())
         except InputError as exc:
             return str(exc)
 
-    assert 'multiprocessing_context="spawn"' in copied(again)
+    assert copied(partial(again, "numba")) == "True"
+    assert 'multiprocessing_context="spawn"' in copied(partial(again, None))
 
 
 @pytest.mark.parametrize(

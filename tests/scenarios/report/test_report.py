@@ -43,7 +43,7 @@ class Page(HTMLParser):
         self.data: list[bytes] = []
         whole = path.read_text(encoding="utf-8")
         self.source = re.sub(r"(?<=;base64,)[\w+/=]+", self._keep, whole)
-        self.plain = re.sub(r"</?dfn[^>]*>", "", self.source)
+        self.plain = html.unescape(re.sub(r"</?dfn[^>]*>", "", self.source))
         self.feed(self.source)
         self.close()
         assert self.open == []

@@ -206,7 +206,7 @@ def test_the_preset_silicon_keeps_what_such_pixels_have(tmp_path):
     (note,) = (note for note in run.run.notes if "since no pixel spikes: " in note)
     assert note.split(": ")[1].split(", ") == [
         "threshold noise", "dead time", "row skew", "comparator delay", "row jitter", "row wander",
-        "drift", "threshold fpn",
+        "drift", "neighbours in row", "neighbours in column", "row fpn", "threshold fpn",
     ]  # fmt: skip
     assert run.spec.setting.pattern is not None and run.spec.setting.pattern.prnu == 0.025
     _, again = shoot(tmp_path / "again", name=str(run.run.folder))
@@ -269,7 +269,7 @@ def test_light_of_pixels_ends_with_the_run():
         (("sensor.dead_time=1 us",), "sensor.dead_time must be 0 with pixel = continuous"),
         (("sensor.comparator_delay=1 us",), "sensor.comparator_delay must be 0 with pixel"),
         (("sensor.row_skew=0.5",), "sensor.row_skew must be 0 with pixel = continuous"),
-        (("sensor.pattern.threshold_fpn=0.1",), "sensor.pattern.threshold_fpn must be 0"),
+        (("sensor.pattern.threshold_fpn=0.1",), "sensor.pattern.threshold_fpn must be absent"),
         (("sensor.continuous.contrast=0",), "sensor.continuous.floor must be given"),
         (("sensor.continuous.bits=5",), "sensor.continuous.exponent_bits must be below"),
         (("sensor.continuous.width=0",), "sensor.continuous.width must be"),
