@@ -1,7 +1,5 @@
-"""Interval histograms of recordings against those of the model with the same parameters.
-
-This file also covers closed forms of latched intervals under constant light: quantisation,
-variance, and law.
+"""Latched intervals under constant light: their closed forms (quantisation, variance, law), and the
+histograms of recordings against them.
 
 A pixel under constant light crosses thresholds at instants t_n whose differences are independent,
 with mean m and standard deviation s (renewal process). The latch shows the crossing n in cycle

@@ -1,7 +1,4 @@
-"""From the fits to parameters with intervals: what is known, what is not, and why.
-
-This file also covers a parameter with its interval, and whether the recordings determine it.
-"""
+"""Parameters with their intervals, from the fits: what is known, what is not, and why."""
 
 from __future__ import annotations
 
