@@ -113,6 +113,11 @@ def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> Con
             f"{place}.floor", "given where contrast is 0", "absent",
             f"write --set {place}.floor='1e6 e/s'",
         )  # fmt: skip
+    if camera.pattern is not None and camera.pattern.threshold_fpn > 0:
+        raise InputError(
+            "sensor.pattern.threshold_fpn", "0 where there is no charge threshold",
+            f"{camera.pattern.threshold_fpn:g}", "leave it out",
+        )  # fmt: skip
     floor = section.floor
     return ContinuousSetting(
         camera.chip,
