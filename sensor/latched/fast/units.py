@@ -62,7 +62,7 @@ DEGREE: Final = 5
 """Degree of the polynomial of each octave."""
 _KNOTS: Final = 128
 """Knots an octave in the table of the exact tier."""
-_PIECE: Final = 16384
+_PIECE: Final = 1 << 15
 """Pixels whose initial charge is computed at a time, so that temporary arrays fit in the cache."""
 
 
