@@ -187,8 +187,13 @@ _ROLES: Final = {
 }  # fmt: skip
 
 
-def answers(result: Calibration, seconds: float) -> list[Answer]:
-    """The answers for a newcomer. seconds: that the calibration took."""
+def _sentence(twin: Twin) -> str:
+    """What the twin's films say, as a sentence."""
+    return html.escape(twin.verdict[0].upper() + twin.verdict[1:]) + "."
+
+
+def answers(result: Calibration, seconds: float, twin: Twin | None) -> list[Answer]:
+    """The answers for a newcomer. seconds: that the calibration took; twin: None without a film."""
     used = listed(f"{name}: {_ROLES[role]}" for name, role in result.roles.items())
     done = (
         "The parameters of the pixel's model were estimated from spikes alone, with limits that "
@@ -197,7 +202,7 @@ def answers(result: Calibration, seconds: float) -> list[Answer]:
     return [
         ("What was calibrated", paragraph(done) + used),
         ("How well the camera is known", cards(_cards(result))),
-        ("How wrong it may be", _wrong(result)),
+        ("How wrong it may be", _wrong(result, twin)),
         ("How long it took", big(elapsed(seconds), "Reading and fits.")),
         ("What was left out", _left_out(result)),
         ("Notes", listed(result.notes)),
@@ -215,16 +220,20 @@ def _cards(result: Calibration) -> list[Card]:
     return rows
 
 
-def _wrong(result: Calibration) -> str:
+def _wrong(result: Calibration, known: Twin | None) -> str:
+    twin = "" if known is None else f"{_sentence(known)} "
     limits = "The limits of each parameter are in the tables. "
     if not result.histograms:
-        return paragraph(limits + (
+        constant = {"flat", "scene"} & set(result.roles.values())
+        return paragraph(limits + twin + (
+            "No recording of constant light has enough intervals, so those of the model were not "
+            "compared with one." if constant else
             "No recording is of constant light, so the model could not be compared with one."
         ))  # fmt: skip
     off = max(histogram.off for histogram in result.histograms)
     text = (
         "of the intervals of a recording are longer or shorter than in the model with these "
-        "parameters, in the recording where it fits worst. " + limits
+        "parameters, in the recording where it fits worst. " + limits + twin
     )
     if result.does_not_fit:
         text += "Beyond chance, the model does not explain: "
@@ -279,7 +288,7 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
         _TITLE,
         f"{result.shape[1]} x {result.shape[0]} pixels at {number(result.clock.hz / 1e3)} kHz, "
         f"viform {viform_version()}; limits hold with 95 % confidence",
-        answers(result, time.perf_counter() - began),
+        answers(result, time.perf_counter() - began, twin),
     )  # fmt: skip
     write_page(folder, _TITLE, head, _sections(result, folder, preset, data, twin))
     document = {"version": viform_version(), **result.document(),
@@ -335,7 +344,7 @@ def _sections(
             f"<p>The preset was filmed {FILMS} times under the recording's light, with other seeds "
             f"and devices, {count(twin.cycles)} cycles each. p is the chance that one more film is "
             f"as far away as the recording; all are judged together at {percent(LEVEL)}. "
-            f"{html.escape(twin.verdict[0].upper() + twin.verdict[1:])}.</p>",
+            f"{_sentence(twin)}</p>",
             table(["statistic", "recording", "twin", "spread of its films", "p", ""], rows),
         ]
     body += [
