@@ -189,7 +189,7 @@ _ROLES: Final = {
 
 def _sentence(twin: Twin) -> str:
     """What the twin's films say, as a sentence."""
-    return html.escape(twin.verdict[0].upper() + twin.verdict[1:]) + "."
+    return twin.verdict[0].upper() + twin.verdict[1:] + "."
 
 
 def answers(result: Calibration, seconds: float, twin: Twin | None) -> list[Answer]:
@@ -226,8 +226,8 @@ def _wrong(result: Calibration, known: Twin | None) -> str:
     if not result.histograms:
         constant = {"flat", "scene"} & set(result.roles.values())
         return paragraph(limits + twin + (
-            "No recording of constant light has enough intervals, so those of the model were not "
-            "compared with one." if constant else
+            "Too few intervals are of constant light and of rows without timing noise, so those of "
+            "the model were not compared with them." if constant else
             "No recording is of constant light, so the model could not be compared with one."
         ))  # fmt: skip
     off = max(histogram.off for histogram in result.histograms)
@@ -344,7 +344,7 @@ def _sections(
             f"<p>The preset was filmed {FILMS} times under the recording's light, with other seeds "
             f"and devices, {count(twin.cycles)} cycles each. p is the chance that one more film is "
             f"as far away as the recording; all are judged together at {percent(LEVEL)}. "
-            f"{_sentence(twin)}</p>",
+            f"{html.escape(_sentence(twin))}</p>",
             table(["statistic", "recording", "twin", "spread of its films", "p", ""], rows),
         ]
     body += [
