@@ -31,7 +31,7 @@ Pixels = npt.NDArray[np.bool_]
 BLOCK: Final = 64
 """Cycles of a sum of counts, in which the phases of the pixels average out."""
 _LEAST_SUMS: Final = 4
-_CHANCE: Final = 0.01
+_CHANCE: Final = 1e-3
 """Chance below which counts vary more than those of independent pixels."""
 _SIGNIFICANT: Final = 4.0
 """Standard errors from which a part of the pattern, or a band, is taken as real."""
