@@ -98,7 +98,7 @@ def measure_drift(trains: Trains, good: Pixels) -> Drift | None:
     sums = trains.cycles // BLOCK
     if sums < _LEAST_SUMS:
         return None
-    each = trains.parts(sums)[:, good] if trains.cycles % BLOCK == 0 else _sums(trains, good)
+    each = _sums(trains, good)
     whole = each.sum(axis=1).astype(np.float64)
     alone = float(each.var(axis=0, ddof=1).sum())
     variance, mean = float(whole.var(ddof=1)), float(whole.mean())

@@ -19,16 +19,17 @@ import numpy.typing as npt
 
 from cosim.clock import Clock
 from cosim.light.light import Light, Piece
-from cosim.run.loop import Block
 from cosim.spikes.viform import Viform
+from cosim.stage import Block
 from sensor.calibrate.common import duplicated_rows
 from sensor.calibrate.trains import Trains, read_trains
 from sensor.laboratory.laws import Laws, measure_laws
 from sensor.latched.camera import SpikeCamera
-from sensor.latched.effects.catalogue import CATALOGUE
 from sensor.latched.effects.effect import Operation
 from sensor.latched.setting import CameraSetting
+from sensor.latched.stages import DuplicatedRows
 from sensor.sections.own_chip import LEVELS
+from sensor.sections.provenance import effect_parameters
 from sensor.sections.sensor import SensorSection
 
 FILMS: Final = 8
@@ -148,9 +149,7 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     section: Any = SensorSection(preset=str(preset))
     clock = Clock.from_hz(section.clock)
     threshold = section.threshold * section.threshold_level / LEVELS
-    parameters: dict[str, Any] = {}
-    for effect in CATALOGUE:
-        parameters |= effect.configure(section, Operation(clock, threshold, 25.0))
+    parameters = effect_parameters(section, Operation(clock, threshold, 25.0))
     if parameters.get("pattern") is not None:
         parameters["pattern"] = replace(parameters["pattern"], device_seed=seed)
     setting = CameraSetting(
@@ -163,8 +162,8 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     words = np.array(
         camera.step(Light((Piece(-(2**40), 2**61, lux, lux),)), Block(0, cycles)).words
     )
-    for source, target in section.duplicated_rows:
-        words[:, target] = words[:, source]
+    if section.duplicated_rows:
+        DuplicatedRows(section.duplicated_rows).duplicate(words)
     return Viform(words, cycles, clock)
 
 
