@@ -81,14 +81,19 @@ def bank_law(model: ExactModel, darkest: Values, brightest: Values) -> Law:
         darkest, brightest: (tiles,) least and largest rate of the tiles that take it, spikes a
             cycle.
     """
-    own = plain_model(model)
+    ends = np.clip([darkest.min(), brightest.max()], *_RATES)
+    low, high = np.floor(np.log2(ends[0]) * _STEPS), np.ceil(np.log2(ends[1]) * _STEPS)
+    return _law(plain_model(model), int(low), int(high))
+
+
+@lru_cache(maxsize=32)
+def _law(own: ExactModel, low: int, high: int) -> Law:
+    """`bank_law` at the rates of the steps from `low` to `high`; calls of a camera share it."""
     bank = _thresholds(own)[0]
     variance = own.shot * own.threshold + own.threshold_noise**2
     mean = abs(float(bank.mean()) - 1)
     spread = abs(float(bank.var()) * own.mean**2 / variance - 1)
-    ends = np.clip([darkest.min(), brightest.max()], *_RATES)
-    low, high = np.floor(np.log2(ends[0]) * _STEPS), np.ceil(np.log2(ends[1]) * _STEPS)
-    apart = [_interval_tv(own, step) for step in range(int(low), int(high) + 1)]
+    apart = [_interval_tv(own, step) for step in range(low, high + 1)]
     correlation = max(_neighbours(own), SERIAL)
     return Law(
         LawFigure(mean, (mean, mean)), LawFigure(spread, (spread, spread)),
