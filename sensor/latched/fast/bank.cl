@@ -373,16 +373,12 @@ __kernel WIDE void steady(BANK_PARAMETERS, STEADY_PARAMETERS)
         EACH ramps[i] = linear && !((beyond[first] | beyond[final]) & (1 << i));                  \
         LOOP(ANY_LIGHT, ANY)                                                                      \
     }
-#if FLAGS & JITTER_FLAG // one loop: each has the draws of the timing noise, which compile slowly
-#define BY_LIGHT LIGHT_WAY MIXED_LIGHT
-#else
 #define BY_LIGHT                                                                                  \
     LIGHT_WAY                                                                                     \
     if (linear && way < 3)                                                                        \
         BY_WAY(way, LOOP(RAMP_LIGHT, ONCE), LOOP(RAMP_LIGHT, TWICE), LOOP(RAMP_LIGHT, ANY))       \
     else                                                                                          \
         MIXED_LIGHT
-#endif
 
 __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
 {
@@ -413,7 +409,6 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
     MOVES
     const uint at_row = rows > 1 ? row - y0 : 0;
     const int highest = way_of(top * MOVED_MOST, shortest);
-#if !(FLAGS & JITTER_FLAG)
     if (LINEAR && !TIMED && !highest) { // below one threshold a cycle: it fits in the registers
         COURSE(if (!others || ramp) LOOP(RAMP_LIGHT, ONCE) else LOOP(SUM_LIGHT, ONCE))
         return;
@@ -433,7 +428,6 @@ __kernel WIDE void moving(BANK_PARAMETERS, MOVING_PARAMETERS, PLANE_PARAMETERS)
         COURSE(BY_COUNT(TWICE))
         return;
     }
-#endif
 #endif
 #endif
     int ways[PLANES], beyond[PLANES]; // bits of the groups whose light may reach CAP

@@ -4,7 +4,7 @@
 #if FLAGS & JITTER_FLAG
 #define MOVE_PARAMETERS                                                                           \
     , const uint call, const uint timing, __global const uint *places,                            \
-        __global const float *normal, __global const float *deviations
+        __global const float *moves
 
 inline uint mixed(uint word)
 {
@@ -20,42 +20,66 @@ inline uint16 mixed_lanes(uint16 word)
     return word ^ (word >> 16);
 }
 
-// The normal number of a draw of each pixel; own: hashes of the pixels.
-inline float16 normal_of(const uint16 own, const uint draw, __global const float *normal)
+// Sum of the four bytes of each lane, less 510.
+#if defined(__AVX512BW__) && __has_builtin(__builtin_ia32_pmaddubsw512) &&                         \
+    __has_builtin(__builtin_ia32_pmaddwd512)
+typedef char bytes64 __attribute__((vector_size(64)));
+typedef short pairs32 __attribute__((vector_size(64)));
+inline int16 byte_sums(const uint16 word)
 {
-    const uint16 at = mixed_lanes(own ^ mixed(draw * WEYL)) >> (32 - NORMAL_BITS);
-    return (float16)(normal[at.s0], normal[at.s1], normal[at.s2], normal[at.s3], normal[at.s4],
-                     normal[at.s5], normal[at.s6], normal[at.s7], normal[at.s8], normal[at.s9],
-                     normal[at.sa], normal[at.sb], normal[at.sc], normal[at.sd], normal[at.se],
-                     normal[at.sf]);
+    typedef union { uint16 v; bytes64 bytes; pairs32 pairs; plain16 sums; } parts;
+    const parts ones = {(uint16)(0x01010101)}, units = {(uint16)(0x00010001)};
+    parts sum = {word};
+    sum.pairs = __builtin_ia32_pmaddubsw512(sum.bytes, ones.bytes);
+    sum.sums = __builtin_ia32_pmaddwd512(sum.pairs, units.pairs);
+    return as_int16(sum.v) - 510;
+}
+#else
+inline int16 byte_sums(const uint16 word)
+{
+    const uint16 pairs = (word & 0xFF00FFu) + ((word >> 8) & 0xFF00FFu);
+    return as_int16((pairs & 0xFFFFu) + (pairs >> 16)) - 510;
+}
+#endif
+
+// The normal number of a draw of each pixel, by the factors of x and x^3; own: hashes of the pixels.
+// A hash whose first step is left out: its words are two hashes already.
+inline float16 normal_of(const uint16 own, const uint draw, __global const float *moves)
+{
+    uint16 word = (own ^ mixed(draw * WEYL)) * FACTOR_1;
+    word = (word ^ (word >> SHIFT_2)) * FACTOR_2;
+    const float16 x = convert_float16(byte_sums(word ^ (word >> 16)));
+    return x * (moves[0] + moves[1] * (x * x));
 }
 
-// Units by which the comparison at an edge is early. low, high: the slow part at the knots around it.
-inline int16 early_of(const int16 add, const uint edge, const uint16 own, float16 *low,
-                      float16 *high, __global const float *normal, __global const float *deviation)
+// The slow part from the knot before an edge on: there, and its change in a cycle.
+inline void slow_of(float16 *slow, float16 *slope, const uint edge, const uint16 own,
+                    __global const float *moves)
 {
-    float16 moved = deviation[0] * normal_of(own, 2 * edge, normal);
-    if (deviation[1] != 0.0f) {
-        if (!(edge % KNOT)) {
-            *low = *high;
-            *high = normal_of(own, 2 * (edge / KNOT) + 3, normal);
-        }
-        moved = moved + deviation[1] * (*low + (*high - *low) * ((float)(edge % KNOT) / KNOT));
-    }
+    *slow = normal_of(own, 2 * (edge / KNOT) + 1, moves + 2);
+    *slope = (normal_of(own, 2 * (edge / KNOT) + 3, moves + 2) - *slow) * (1.0f / KNOT);
+}
+
+// Units by which the comparison at an edge is early.
+inline int16 early_of(const int16 add, const uint edge, const uint16 own, float16 *slow,
+                      float16 *slope, __global const float *moves)
+{
+    if (!(edge % KNOT))
+        slow_of(slow, slope, edge, own, moves);
+    float16 moved = normal_of(own, 2 * edge, moves) + (*slow + *slope * (float)(edge % KNOT));
     moved = moved > MOVE_LIMIT ? (float16)(MOVE_LIMIT) : moved;
     moved = moved < -MOVE_LIMIT ? (float16)(-MOVE_LIMIT) : moved;
     return rounded(convert_float16(add) * moved);
 }
 
 // Of group `g` in `row`, from cycle `c` of the call on.
-#define MOVES_OF(own, low, high, g, c)                                                            \
+#define MOVES_OF_ROW (moves + 5 * (size_t)row)
+#define MOVES_OF(own, slow, slope, g, c)                                                          \
     own = mixed_lanes(vload16(g, places) ^ timing);                                               \
-    low = normal_of(own, 2 * ((call + (c)) / KNOT) + 1, normal);                                  \
-    high = normal_of(own, 2 * ((call + (c)) / KNOT) + 3, normal);
-#define EARLY_OF(add, own, low, high)                                                             \
-    early_of(add, call + c + 1, own, &low, &high, normal, deviations + 2 * row)
+    slow_of(&slow, &slope, call + (c), own, MOVES_OF_ROW);
+#define EARLY_OF(add, own, slow, slope) early_of(add, call + c + 1, own, &slow, &slope, MOVES_OF_ROW)
 // Most charge of a cycle, over its light, that is compared: of the move before and of its own.
-#define MOVED_MOST (1 + 2 * MOVE_LIMIT)
+#define MOVED_MOST (1 + 2 * MOVES_OF_ROW[4])
 #else
 #define MOVE_PARAMETERS
 #define MOVED_MOST 1.0f

@@ -39,7 +39,7 @@ from sensor.latched.fast.units import (
 )
 from sensor.latched.pixel.bank import GENERATOR, PERIOD, STEPS, group_keys
 from sensor.latched.pixel.charge import light_source
-from sensor.latched.sampling import KNOT, LIMIT, QUANTILES, normal_quantiles
+from sensor.latched.sampling import KNOT, LIMIT
 
 _LOCAL: Final = 8
 """Work-items that share a core of a processor. PoCL allocates the private arrays of all of them at
@@ -109,9 +109,9 @@ class FastPixels:
             self._bank = tuple(device.upload(values) for values in (array.bank.values, STEPS))
         self._moves: tuple[Any, ...] = ()
         if array.timing is not None:
-            deviations = np.zeros((array.shape[0], 2), np.float32)
-            deviations[array.timing.first : array.timing.stop] = array.timing.deviations
-            self._moves = self._numbers, *map(device.upload, (normal_quantiles(), deviations))
+            factors = np.zeros((array.shape[0], array.timing.factors.shape[1]), np.float32)
+            factors[array.timing.first : array.timing.stop] = array.timing.factors
+            self._moves = self._numbers, device.upload(factors)
         self._kernels = {f: self._build(f) for f in lists}
 
     def _build(self, flags: int) -> tuple[Any, Any]:
@@ -129,7 +129,7 @@ class FastPixels:
             f"-DCAP={CAP}",
             f"-DEMPTY=({EMPTY})",
             f"-DNOTHING=({NOTHING}f)",
-            f"-DGROUPS={1 if flags & JITTER else self._together}",
+            f"-DGROUPS={self._together}",
         ]
         if not self._device.gpu:
             defines.append("-DIN_TURN")
@@ -141,8 +141,7 @@ class FastPixels:
         if flags & (BANK | JITTER):
             defines += [f"-D{name}={value}u" for name, value in GENERATOR.items()]
         if flags & JITTER:
-            defines += [f"-DKNOT={KNOT}u", f"-DNORMAL_BITS={QUANTILES.bit_length() - 1}"]
-            defines.append(f"-DMOVE_LIMIT=({float(np.float32(LIMIT)).hex()}f)")
+            defines += [f"-DKNOT={KNOT}u", f"-DMOVE_LIMIT=({float(np.float32(LIMIT)).hex()}f)"]
         if flags & NOISE and not flags & BANK:
             source += philox_cl() + text("draws.cl")
             defines += ["-DNOISE", f"-DSTREAM={int(Stream.SHOT_NOISE)}u"]
@@ -268,7 +267,7 @@ class FastPixels:
         for flags in self._lists:
             if bool(flags & _OWN) != own:
                 continue
-            items, local = self._items(g1 - g0, not flags or flags & (BANK | JITTER) == BANK)
+            items, local = self._items(g1 - g0, not flags or bool(flags & BANK))
             first = () if flags else (np.uint32(start % PERIOD),)
             self._kernels[flags][1](
                 device.queue, (items, y1 - y0), (local, 1), *self._state(flags, start), *first,
