@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.clock import Clock
-from cosim.light.light import Light
+from cosim.light.light import Box, Light
 from sensor.device.pattern import FixedPattern
 from sensor.latched.fast.course import Course, check_covered, course_of, parts_of
 from sensor.latched.fast.runs import LaunchCache
@@ -243,6 +243,14 @@ class PixelArray:
             light, self.clock, self.row_offsets, start, cycles, self._most, self.moves,
             None if self.moves is None else self._dark, self._ramps, rows,
         )  # fmt: skip
+
+    def in_common(self, box: Box | None) -> bool:
+        """Whether the groups with a course of their own have that of the others, in whose box all
+        of them lie: the clock is not steered."""
+        timing = self.timing
+        if self.moves is not None or timing is None or box is None:
+            return False
+        return box[0] <= timing.first and timing.stop <= box[1] and box[2:] == (0, self.shape[1])
 
     @cached_property
     def own_launches(self) -> LaunchCache:

@@ -332,9 +332,12 @@ class FastPixels:
                 begin, part = start + first, out[first // WORD : words_for(first + n)]
                 words = self._device.target(part)
                 targets.append((words, part))
-                self._run(array.launches(light, begin, n), before, begin, n, words)
+                launches = array.launches(light, begin, n)
+                self._run(launches, before, begin, n, words)
                 if array.has_own:  # while the kernels of others run
-                    self._run(array.own_launches(light, begin, n), before, begin, n, words, True)
+                    if not array.in_common(launches.box):
+                        launches = array.own_launches(light, begin, n)
+                    self._run(launches, before, begin, n, words, True)
         except BaseException:
             self._device.finish()
             raise
