@@ -362,8 +362,11 @@ def plan_camera(
         exempt = {effect.name: fine for effect in effects}
         if behind is not None:
             effects += behind.acting_effects
+        used = arithmetic.error
+        if not mixed:  # a tier whose error exceeds the tolerance wherever effects are kept
+            used = np.where(used > SHARE * tolerance, 0.0, used)
         plan = make_plan(
-            effects, scene, tolerance, certain=survey.certain, tier_error=arithmetic.error,
+            effects, scene, tolerance, certain=survey.certain, tier_error=used,
             forced=forced, exempt=exempt,
             base_ns=QUIET + (0.0 if behind is None else behind.base_cost),
         )  # fmt: skip

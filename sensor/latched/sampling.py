@@ -18,8 +18,8 @@ change of light, and does not accumulate either.
 
 A normal number is made of a 32-bit hash of pixel and cycle: the sum of its four bytes, stretched by
 a cubic (Cornish and Fisher, Rev. Inst. Int. Stat. 5, 1938) to the tails of a normal law. Its
-distribution function is normal within .0007, and it takes a few instructions, for each pixel and
-cycle, that every tier repeats bit for bit.
+distribution function is normal within .0007 at the middle of its steps. It takes few instructions,
+which every tier repeats bit for bit.
 
 A steered clock moves all rows together. The light of a longer tick is gathered for longer, since
 the pixels gather all the time: only the instants move.
@@ -212,7 +212,10 @@ class PixelTiming:
             # `scrambled`, whose first step two hashes do not need.
             word = (self._own ^ word) * np.uint32(first)
             word = (word ^ (word >> np.uint32(GENERATOR["SHIFT_2"]))) * np.uint32(second)
-        factor, cubic = self.factors[:, column : column + 1], self.factors[:, column + 1 : column + 2]
+        factor, cubic = (
+            self.factors[:, column : column + 1],
+            self.factors[:, column + 1 : column + 2],
+        )
         return _normal(word ^ (word >> np.uint32(16)), factor, cubic)
 
 

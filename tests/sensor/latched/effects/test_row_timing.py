@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from cosim import PS, Block, Clock, Light, Piece, Summary
 from cosim.compute.opencl import Device
@@ -72,6 +73,23 @@ def test_instants_have_the_stated_noise_in_the_band_and_none_outside() -> None:
         np.testing.assert_array_equal(again.at(edge), moves[edge - 16][here])
     assert (timing.at(0) == 0).all() and (timing.at(-5) == 0).all()
     assert noise.on(NUMBERS[: 5 * SHAPE[1]], ROWS[:5], SHAPE[0], 9) is None
+
+
+def test_a_move_is_normal_and_keeps_its_law_from_draw_to_draw() -> None:
+    """The distribution function of a move is that of a normal law within .0007 at the middle of its steps of .0027;
+    the moves of a pixel are independent of each other."""
+    numbers = np.arange(3 * 2000, dtype=np.uint32)
+    timing = RowTiming(0.1, 0.0, 0.5, 1.5).on(numbers, np.arange(3), 3, 4)
+    assert timing is not None
+    middle = int(np.argmax(timing.factors[:, 0]))
+    moves = np.array([timing.at(edge)[middle] for edge in range(1, 1001)]) / 0.1
+    count = moves.size
+    assert stats.kstest(moves.ravel(), "norm").statistic < 0.0007 + 0.0014 + 1.5 / np.sqrt(count)
+    assert moves.var() == pytest.approx(1, abs=4 * (2 / count) ** 0.5)
+    assert stats.kurtosis(moves.ravel()) == pytest.approx(-0.058, abs=4 * (24 / count) ** 0.5)
+    for values in (moves, moves**2 - 1):
+        for lag in (1, 2, 16):
+            assert abs((values[lag:] * values[:-lag]).mean()) < 4 * values.var() / count**0.5
 
 
 @pytest.mark.parametrize("seed", range(3))
