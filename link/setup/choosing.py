@@ -147,12 +147,13 @@ def longest_run(mode: Mode) -> float:
 
 
 def foresee(
-    mode: Mode, words: float, size: int, hz: float, most_overhead: float = 1.0
-) -> tuple[float, float, float]:
+    mode: Mode, words: float, size: int, hz: float, most_overhead: float = 1.0,
+    most_lost: float = 1.0,
+) -> tuple[float, float, float]:  # fmt: skip
     """Predicts the transfer of a file.
 
     Goodput includes the training. It is 0, and the overhead infinite, if more than most_overhead is
-    needed or the panel is too small for a frame.
+    needed, more frames than most_lost are lost, or the panel is too small for a frame.
 
     Args:
         mode: mode of the transmission.
@@ -160,6 +161,7 @@ def foresee(
         size: size of the file, bytes.
         hz: planes per second.
         most_overhead: largest overhead.
+        most_lost: largest share of frames lost, where none is replaced.
 
     Returns:
         Share of frames lost, overhead, goodput in bit/s.
@@ -170,6 +172,8 @@ def foresee(
     except ValueError:
         return 1.0, math.inf, 0.0
     frames = float(-np.expm1(form.frame_words * np.log1p(-min(words, 1 - 1e-12))))
+    if frames > most_lost:
+        return frames, math.inf, 0.0
     needed = source_symbols(size, form.symbol_bytes) + _BEYOND
     lost = _most_lost(needed, 1 - frames) if frames < 0.999 else math.inf
     overhead = (_BEYOND + lost) / (needed - _BEYOND)
@@ -226,8 +230,9 @@ def _assume(mode: Mode, got: Trial) -> _Assumed:
 
 
 def _weighed(
-    mode: Mode, ceiling: float, got: Trial, size: int, hz: float, most_overhead: float
-) -> Considered:
+    mode: Mode, ceiling: float, got: Trial, size: int, hz: float, most_overhead: float,
+    most_lost: float,
+) -> Considered:  # fmt: skip
     """What a pilot lets expect of a mode."""
     assumed, errors = _assume(mode, got), got.errors / got.bits
     if mode.adaptive:
@@ -237,7 +242,7 @@ def _weighed(
             mode, ceiling, "tried", errors, None, assumed.information, plan.words, plan.frames,
             plan.overhead, plan.goodput, plan.rates,
         )  # fmt: skip
-    frames, overhead, goodput = foresee(mode, assumed.words, size, hz, most_overhead)
+    frames, overhead, goodput = foresee(mode, assumed.words, size, hz, most_overhead, most_lost)
     return Considered(
         mode, ceiling, "tried", errors, assumed.byte, assumed.information, assumed.words, frames,
         overhead, goodput,
@@ -277,6 +282,7 @@ def choose(
     background: float = 0.0,
     on: float = 1.0,
     most_overhead: float = 1.0,
+    most_lost: float = 1.0,
     most_trials: int = 12,
 ) -> Choice:
     """Chooses a mode.
@@ -291,6 +297,7 @@ def choose(
             excluded, unless all are. None for other pixels.
         background, on: charge of an OFF tick, and what an ON tick adds to it, thresholds.
         most_overhead: largest overhead of the fountain.
+        most_lost: largest share of frames lost, as in `foresee`.
         most_trials: largest number of pilots.
 
     Raises:
@@ -325,12 +332,11 @@ def choose(
             if key not in tried:
                 tried[key] = trial(mode)
             got = tried[key]
+            limits = size, hz, most_overhead, most_lost
             alike = [m for m in modes if m.symbols == key]
-            if not any(
-                _weighed(m, ceiling[m], got, size, hz, most_overhead).goodput for m in alike
-            ):
+            if not any(_weighed(m, ceiling[m], got, *limits).goodput for m in alike):
                 failed.append((mode, got.errors / got.bits))
-            rows.append(_weighed(mode, ceiling[mode], got, size, hz, most_overhead))
+            rows.append(_weighed(mode, ceiling[mode], got, *limits))
             best = max(best, rows[-1].goodput or 0.0)
     measured = [row for row in rows if row.goodput is not None]
     if not measured:  # none was tried: the slowest mode requires least

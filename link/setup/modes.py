@@ -164,7 +164,7 @@ class _Forecast:
 
 def choose_mode(
     modem: Modem, setting: LinkSetting, size: int, device: Device | None,
-    progress: Progress, adaptive: bool = False,
+    progress: Progress, adaptive: bool = False, most_lost: float = 1.0,
 ) -> tuple[Mode, Choice | None]:  # fmt: skip
     """Mode, and how it was chosen; None if the modem gives it, or nothing can arrive.
 
@@ -174,6 +174,7 @@ def choose_mode(
         device: OpenCL device, None for numba.
         progress: progress of the pilots.
         adaptive: whether blocks can have a rate each.
+        most_lost: largest share of frames lost, as in `choosing.foresee`.
 
     Raises:
         InputError: if the modem asks for such rates where they cannot be.
@@ -231,7 +232,7 @@ def choose_mode(
         trial, modes, size=max(size, 1), hz=setting.panel.clock.hz, most_trials=_TRIED,
         threshold=camera.threshold if camera.reset == "hard" else None,
         background=scene.background, on=scene.on,
-        most_overhead=modem.overhead,
+        most_overhead=modem.overhead, most_lost=most_lost,
     )  # fmt: skip
     progress.advance(_TRIED)
     return choice.mode, choice

@@ -159,6 +159,7 @@ class ChosenLink:
 def choose_link(
     modem: Modem, setting: LinkSetting, steering: ClockSteering | None, tolerance: float, size: int,
     device: Device | None, progress: Progress, adaptive: bool = True, keeps: bool = False,
+    most_lost: float = 1.0,
 ) -> ChosenLink:  # fmt: skip
     """Chooses the mode of a link and locks its clock.
 
@@ -168,13 +169,14 @@ def choose_link(
         progress: progress of the pilots.
         adaptive: whether blocks can have a rate each.
         keeps: whether what is found is kept for the next run of the same link.
+        most_lost: largest share of frames lost, as in `choosing.foresee`.
 
     Raises:
         InputError: if the link cannot be simulated.
     """
     spent = Spent()
     mode, choice, locking = choose_and_lock(
-        modem, setting, steering, size, device, progress, spent, adaptive, keeps
+        modem, setting, steering, size, device, progress, spent, adaptive, keeps, most_lost
     )
     setting = setting if locking is None else locking.setting
     return ChosenLink(modem, tolerance, steering, setting, mode, choice, device, spent, locking)

@@ -32,6 +32,9 @@ ASSEMBLY: Final = 4
 time to code them."""
 _READ: Final = 3
 """Camera cycles from the end of a block's light until the receiver has its last row."""
+_MOST_LOST: Final = 1e-6
+"""Share of frames that a mode may be foreseen to lose. A stream has no fountain: a lost frame
+damages some ten packets, and at 8 Gbit/s there are 66 000 frames a second."""
 _STAND_IN: Final = 64
 """Symbols after the training that the check of the plan films."""
 
@@ -141,7 +144,7 @@ def set_up_stream(
     size = round(setting.panel.clock.hz * math.prod(setting.panel.shape) / 64)
     chosen = choose_link(
         scenario.link.modem, setting, steering_of(scenario.sensor), scenario.tolerance, size,
-        opened, progress, adaptive=False,
+        opened, progress, adaptive=False, keeps=True, most_lost=_MOST_LOST,
     )  # fmt: skip
     setting, mode = chosen.setting, chosen.mode
     layout = Layout(mode)

@@ -25,14 +25,13 @@ from sensor.device.chips import ClockSteering
 def choose_and_lock(
     modem: Modem, setting: LinkSetting, steering: ClockSteering | None, size: int,
     device: Device | None, progress: Progress, spent: Spent, adaptive: bool = False,
-    keeps: bool = False,
+    keeps: bool = False, most_lost: float = 1.0,
 ) -> tuple[Mode, Choice | None, Locking | None]:  # fmt: skip
     """Mode as `choose_mode`, and the loop that has locked the camera's clock; None if the clock
     cannot be steered or no lock is found. A mode is tried at the phase that it will have.
 
     Args:
-        modem, setting, size, device, progress, adaptive: modem, setting, size, device, progress and
-            adaptive as in `choose_mode`.
+        modem, setting, size, device, progress, adaptive, most_lost: arguments of `choose_mode`.
         steering: Steering of its clock; None for ticks that keep their length.
         spent: time spent in each stage; that of the pilots and of the loop is added.
         keeps: whether the choice and the measurements of the loop are kept between runs.
@@ -42,10 +41,11 @@ def choose_and_lock(
     """
 
     def chosen(setting: LinkSetting) -> tuple[Mode, Choice | None]:
-        arguments = repr(modem), setting, size, adaptive, None if device is None else device.name
+        name = None if device is None else device.name
+        arguments = repr(modem), setting, size, adaptive, most_lost, name
 
         def choose() -> tuple[Mode, Choice | None]:
-            return choose_mode(modem, setting, size, device, progress, adaptive)
+            return choose_mode(modem, setting, size, device, progress, adaptive, most_lost)
 
         with spent.on("pilots"):
             mode, choice = (

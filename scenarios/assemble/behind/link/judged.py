@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import SpikeStream
-from cosim.config.amounts import number
+from cosim.config.amounts import number, percent
 from cosim.files import ZarrStream
 from cosim.run.machine import Outcome
 from cosim.run.result import Latency, Metric, Throughput, latency_rows
@@ -50,6 +50,7 @@ class StreamLinkOutcome:
         direct, through: images from the stream that was sent and from the decoded one.
         received: result of the receiver.
         near, far: the ends of the link.
+        fidelity: a sentence on what is shown, beside what was sent.
         rates: every code at every rate, on a part of the stream.
         rated: cycle of the image of that part.
         views: data of the machine for its own page.
@@ -62,6 +63,7 @@ class StreamLinkOutcome:
     received: Received
     near: NearEnd
     far: FarEnd
+    fidelity: str
     rates: list[RatePoint]
     rated: int
     views: object
@@ -114,6 +116,15 @@ def _differences(sent: SpikeStream, shown: SpikeStream) -> tuple[int, int]:
         lost += int(np.bitwise_count(a & ~b).sum(dtype=np.int64))
         added += int(np.bitwise_count(b & ~a).sum(dtype=np.int64))
     return lost, added
+
+
+def _fidelity(watch: Watch, spikes: float, lost: int, added: int) -> str:
+    """How what is shown differs from what was sent. spikes: number of those sent."""
+    what = "the stream that arrived" if watch.display is None else "the picture at the display"
+    whose = "the recording's" if watch.feed.scene is None else "the camera's"
+    if not lost and not added:
+        return f"{what} is exactly {whose}: every spike in its cycle, and no other"
+    return f"{what} is not exactly {whose}: {percent(lost / max(spikes, 1))} of the spikes moved"
 
 
 def _psnr(shots: Sequence[Shot]) -> Metric:
@@ -208,6 +219,8 @@ def judge_stream_link(
         for each in streams
     )  # fmt: skip
     lost, added = _differences(*streams)
+    rate = spike_rate(streams[0])
+    fidelity = _fidelity(watch, rate * stream.pixel_cycles, lost, added)
     count = near.sender.counts
     on_time = sum(size for _, size, _ in far.arrivals)
     hold_us = link.hold * 1e6 / clock.hz
@@ -227,7 +240,7 @@ def judge_stream_link(
     latency = [*watch.before, *_latency(link, far, 1e12 / clock.hz)]
     metrics = {
         **outcome.metrics,
-        "spike_rate": Metric(spike_rate(streams[0]), "spikes/cycle"),
+        "spike_rate": Metric(rate, "spikes/cycle"),
         "psnr_direct": _psnr(direct)
         if lit
         else Metric(None, "dB", "no image has light within the run"),
@@ -282,7 +295,7 @@ def judge_stream_link(
         metrics=metrics,
         latency=[*latency, *(rows or watch.after)],
         files=[*outcome.files, LINK_STREAM, RECEIVED],
-        notes=[*outcome.notes, *worse, *link.planned.beyond],
+        notes=[*outcome.notes, *worse, *link.planned.beyond, fidelity],
         views=StreamLinkOutcome(
             link,
             lit,
@@ -291,6 +304,7 @@ def judge_stream_link(
             received,
             near,
             far,
+            fidelity,
             rates,
             rated.cycle,
             outcome.views,

@@ -57,10 +57,11 @@ def _ends(run: Run, views: StreamLinkOutcome) -> str:
         rows.insert(0, ("true light", [for_display(shot.truth) for shot in views.direct]))
     path = run.folder / FIGURE
     sheet_figure(heads, rows, path)
+    fidelity = views.fidelity[0].upper() + views.fidelity[1:]
     return (
-        "<h2>Both ends of the link</h2><p>The stream of spikes was coded, sent by the panel, "
-        "filmed by the link's chip and decoded. The images are those of the same instants of the "
-        "stream.</p>" + plot(path, "images of both ends of the link at the same instants")
+        f"<h2>Both ends of the link</h2><p>{fidelity}. The stream of spikes was coded, sent by the "
+        "panel, filmed by the link's chip and decoded. The images are those of the same instants "
+        "of the stream.</p>" + plot(path, "images of both ends of the link at the same instants")
     )
 
 
