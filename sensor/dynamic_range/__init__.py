@@ -26,11 +26,13 @@ from sensor.dynamic_range.parts import (
     sensor_dynamic_range,
 )
 from sensor.dynamic_range.spike_camera import (
+    dark_limit,
     interval_rsd,
     level_step,
     levels_for,
     longest_width,
     photons_per_second,
+    seen_dark_share,
     spike_dynamic_range,
     threshold_for,
 )
@@ -53,6 +55,7 @@ __all__ = [
     "as_ratio",
     "bits_for",
     "converter_rule",
+    "dark_limit",
     "decibels",
     "document_dynamic_range",
     "gain_counted_once",
@@ -63,6 +66,7 @@ __all__ = [
     "measure_chain",
     "photons_per_second",
     "rounding_variance",
+    "seen_dark_share",
     "sensor_dynamic_range",
     "spike_dynamic_range",
     "sweep",

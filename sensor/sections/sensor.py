@@ -5,8 +5,9 @@ Huang 2022, 4.4 and 4.5).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from pydantic import Field, create_model, model_validator
 
@@ -20,6 +21,9 @@ from sensor.sections.preset_file import with_preset
 from sensor.sections.unlatched import AsynchronousSection, ChannelSection, ContinuousSection, Side
 
 _DARK: Final = "dark current"
+_MARGIN: Final = re.compile(r"(\d+\.?\d*(?:e-?\d+)?) ?(sigma|%)")
+_MOST_SEEN: Final = 50
+"""Largest share of the dark that a limit lets through, %."""
 SPIKING = tuple(
     name for name, key in all_keys() if key.silicon is not None and "continuous" not in key.pixels
 )
@@ -48,23 +52,44 @@ class ColourSection(Section):
     )
 
 
-class _DarkLimit(Quantity):
-    """A duration, or the text "dark current", which is read as 0."""
+class DarkMargin(NamedTuple):
+    """Dark limit by the device's dark current, below the mean width Q / I_dark of the dark.
 
-    def read(self, value: object) -> float:
+    Attributes:
+        sigmas: standard deviations of a width in the dark below its mean.
+        percent: pixels in the dark that are seen as light, %; 0 if `sigmas` holds.
+    """
+
+    sigmas: float = 0.0
+    percent: float = 0.0
+
+
+class _DarkLimit(Quantity):
+    """A duration, "dark current", deviations such as "3 sigma", or a share such as "0.1 %"."""
+
+    def read(self, value: object) -> Any:
         if value == _DARK:
-            return 0.0
+            return DarkMargin()
+        known = _MARGIN.fullmatch(value) if isinstance(value, str) else None
+        if known is not None:
+            number, sigma = float(known[1]), known[2] == "sigma"
+            if sigma or 0 < number <= _MOST_SEEN:
+                return DarkMargin(number) if sigma else DarkMargin(percent=number)
+            raise ValueError(f"must be a share of the dark above 0 % and at most {_MOST_SEEN:g} %")
         try:
             return super().read(value)
         except ValueError as exc:
-            raise ValueError(f"{exc}, or '{_DARK}'") from None
+            raise ValueError(f"{exc}, '{_DARK}', '3 sigma' or '0.1 %'") from None
 
-    def write(self, value: float) -> str:
-        return super().write(value) if value else _DARK
+    def write(self, value: Any) -> str:
+        if not isinstance(value, DarkMargin):
+            return super().write(value)
+        number = repr(value.sigmas or value.percent).removesuffix(".0")
+        return f"{number} {'%' if value.percent else 'sigma'}" if any(value) else _DARK
 
 
-DarkLimit = Annotated[float, _DarkLimit("time", above=0, most=DAY)]
-"""Seconds; 0 stands for Q over the device's dark current."""
+DarkLimit = Annotated[Any, _DarkLimit("time", above=0, most=DAY)]
+"""Seconds, or a `DarkMargin`."""
 
 
 class SubThresholdSection(Section):
@@ -163,9 +188,11 @@ class _ChipSection(Section):
     )
     dark_limit: DarkLimit | None = Field(
         default=None,
-        examples=["64 ms", "dark current"],
-        description="width from which on an interval is rejected as dark; 'dark current' for "
-        "threshold over sensor.pattern.dark_current; nothing is rejected when absent",
+        examples=["64 ms", "dark current", "3 sigma", "0.1 %"],
+        description="width from which on an interval is rejected as dark; 'dark current' for its "
+        "mean in the dark, threshold over sensor.pattern.dark_current; '3 sigma' for 3 standard "
+        "deviations less; '0.1 %' for the width that this share of the pixels in the dark stay "
+        "below; nothing is rejected when absent",
     )
     wavelength: Wavelength = Field(
         default=555.0, description="wavelength at which lux are counted as photons"

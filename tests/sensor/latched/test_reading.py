@@ -15,11 +15,19 @@ import pytest
 from cosim import PS, Block, Clock, InputError, Light, Piece
 from cosim.compute.opencl import Device
 from cosim.spikes.viform import Viform
+from scenarios.assemble.source.latched.dim import dark_cycles
 from scenarios.cli.entry import _main
 from sensor import CHIPS, CameraSetting, SpikeCamera
-from sensor.dynamic_range import longest_width, spike_dynamic_range
+from sensor.device.pattern import DevicePattern
+from sensor.dynamic_range import (
+    dark_limit,
+    longest_width,
+    seen_dark_share,
+    spike_dynamic_range,
+)
 from sensor.latched.reading import ReadingCamera, joined
 from sensor.reconstruct.readings import DimLight, Readings, read_readings, write_readings
+from sensor.sections.sensor import SensorSection
 from tests.sensor.latched import test_fine_tiles as chip
 
 SHAPE = (64, 96)
@@ -128,6 +136,58 @@ def test_intervals_as_long_as_the_dark_current_s_are_dark() -> None:
     assert not DimLight(Readings(np.array([0]), level[:1], 10)).at(stream, 25).read.any()
 
 
+@pytest.mark.parametrize(
+    ("limit", "share", "dsnu"),
+    [("dark current", 0.0, 0.0), ("1 sigma", 0.0, 0.0), ("2 sigma", 0.0, 0.05), ("2 %", 0.02, 0.0),
+     ("2 %", 0.02, 0.15)],
+)  # fmt: skip
+def test_a_margin_leaves_its_share_of_a_dark_scene(limit: str, share: float, dsnu: float) -> None:
+    """A dark scene is filmed: the pixels whose interval is below the limit are as many as the law
+    says, within five deviations of the binomial distribution, at instants that share no interval;
+    at the stated share or just below it."""
+    electrons, width = 400.0, 60.3
+    pattern = DevicePattern(dark=electrons * 40e3 / width, dsnu=dsnu)
+    made = replace(setting(pattern=pattern), threshold=electrons)
+    text = f"{electrons} e"
+    section = SensorSection(threshold=text, dark_limit=limit)  # type: ignore[arg-type]
+    found = dark_cycles(section, made)
+    dark = uniform(made, 0.0)
+    stream = SpikeCamera(made, None, tier="exact").step(dark, Block(0, 1024))
+    law = (width, electrons**-0.5, dsnu)
+    predicted = seen_dark_share(math.ceil(found), *law)
+    # An interval may be twice its mean, with its pixel's dark current, at the longest.
+    taken = range(150, 900, 150)
+    seen = [~DimLight(dark=found).at(stream, at).dark for at in taken]
+    pixels = len(taken) * seen[0].size
+    # Pixels have the same current at all instants: only the pixels count where these differ.
+    free = seen[0].size if dsnu else pixels
+    error = 5 * math.sqrt(predicted * (1 - predicted) / free)
+    assert np.mean(seen) == pytest.approx(predicted, abs=error)
+    if share:
+        assert predicted <= share < seen_dark_share(math.ceil(found) + 1, *law)
+    elif limit != "dark current":
+        deviation = math.hypot(electrons**-0.5, dsnu)
+        assert found == math.floor(width * (1 - float(limit[0]) * deviation))
+    else:
+        assert found == pytest.approx(width) and 0.4 < predicted < 0.6
+
+
+def test_the_law_of_the_dark_is_that_of_gamma_variates() -> None:
+    """Also where a width is latched as one of a few cycles, and of no noise."""
+    random = np.random.default_rng(3)
+    n = 400_000
+    for width, a, limit in ((4.7, 25.0, 5), (40.2, 100.0, 36), (900.0, 10.0, 500)):
+        latched = np.floor(random.gamma(a + 1, width / a, n) + random.random(n))
+        share = float((latched < limit).mean())
+        deviation = math.sqrt(share / n)
+        assert seen_dark_share(limit, width, a**-0.5) == pytest.approx(share, abs=5 * deviation)
+    assert seen_dark_share(10, 9.25, 0.0) == pytest.approx(0.75)
+    assert [seen_dark_share(n, 9.25, 0.0) for n in (9, 11)] == [0, 1]
+    assert dark_limit(0.5, 9.25, 0.0) == 9 and dark_limit(1e-3, 1e6, 0.01) == pytest.approx(
+        1e6 * (1 - 3.09 * 0.01), rel=2e-3
+    )
+
+
 def test_a_file_of_readings_is_read_back_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "readings.npz"
     made = Readings(np.array([0, 8]), np.arange(12, dtype=np.uint16).reshape(2, 2, 3), 100)
@@ -205,8 +265,15 @@ def test_a_dim_scene_is_seen_by_readings(
         (("sensor.dark_limit=dark current",), "sensor.pattern.dark_current must be above 0"),
         (
             ("sensor.dark_limit=dark",),
-            "must be a time such as '64 ms', or 'dark current', not 'dark'; "
+            "must be a time such as '64 ms', 'dark current', '3 sigma' or '0.1 %', not 'dark'; "
             "write --set sensor.dark_limit='64 ms'",
+        ),
+        (("sensor.dark_limit=60 %",), "must be a share of the dark above 0 % and at most 50 %"),
+        (("sensor.dark_limit=3 sigma",), "must be above 0 with sensor.dark_limit = '3 sigma'"),
+        (
+            ("sensor.dark_limit=200 sigma", "sensor.pattern.dark_current=1000 e/s"),
+            "must be a margin that leaves 2 of the 8e+05 cycles of a width in the dark, whose "
+            "standard deviation is 0.0071 of it, not '200 sigma'; take a smaller margin",
         ),
         (("sensor.sub_threshold.limit=1 ms", "sensor.pixel=asynchronous"), "latched"),
     ],

@@ -14,11 +14,16 @@ from cosim.config.amounts import amount
 from cosim.config.toml import read_toml
 from cosim.run.result import Metric
 from sensor import CameraSetting, SpikeCamera
-from sensor.dynamic_range import longest_width, spike_dynamic_range
+from sensor.dynamic_range import (
+    dark_limit,
+    longest_width,
+    seen_dark_share,
+    spike_dynamic_range,
+)
 from sensor.latched.reading import ReadingCamera
 from sensor.reconstruct.readings import READINGS, DimLight, read_readings, write_readings
 from sensor.reconstruct.shots import Shot
-from sensor.sections.sensor import SensorSection
+from sensor.sections.sensor import DarkMargin, SensorSection
 
 _MOST: Final = 2**31
 """Readings of single pixels that a run may take; they are kept in memory, two bytes each."""
@@ -55,19 +60,42 @@ def cycles_between(section: SensorSection, setting: CameraSetting) -> int:
 
 def dark_cycles(section: SensorSection, setting: CameraSetting) -> float:
     """Width in cycles from which on an interval is rejected; infinite for none. Raises InputError
-    if the device whose dark current decides has none."""
-    if section.dark_limit is None:
+    if the device whose dark current decides has none, or too much noise for the margin."""
+    limit = section.dark_limit
+    if limit is None:
         return math.inf
-    seconds = section.dark_limit
-    if not seconds:
-        dark = 0.0 if setting.pattern is None else setting.pattern.dark
-        if not dark:
-            raise InputError(
-                "sensor.pattern.dark_current", "above 0 with sensor.dark_limit = 'dark current'",
-                "0 e/s", "give it, or a duration as sensor.dark_limit",
-            )  # fmt: skip
-        seconds = longest_width(setting.threshold, dark)
-    return seconds * setting.clock.hz
+    if not isinstance(limit, DarkMargin):
+        return float(limit * setting.clock.hz)
+    written = section.model_dump(mode="json")["dark_limit"]
+    law = _law_of_the_dark(setting)
+    if law is None:
+        raise InputError(
+            "sensor.pattern.dark_current", f"above 0 with sensor.dark_limit = '{written}'",
+            "0 e/s", "give it, or a duration as sensor.dark_limit",
+        )  # fmt: skip
+    width, noise, pattern = law
+    if limit.percent:
+        cycles: float = dark_limit(limit.percent / 100, width, noise, pattern)
+    else:
+        cycles = width * (1 - limit.sigmas * math.hypot(noise, pattern))
+        cycles = math.floor(cycles) if limit.sigmas else cycles
+    if cycles < 2 and any(limit):
+        raise InputError(
+            "sensor.dark_limit", f"a margin that leaves 2 of the {width:.3g} cycles of a width in "
+            f"the dark, whose standard deviation is {math.hypot(noise, pattern):.2g} of it",
+            repr(written), "take a smaller margin, or a duration",
+        )  # fmt: skip
+    return cycles
+
+
+def _law_of_the_dark(setting: CameraSetting) -> tuple[float, float, float] | None:
+    """Mean width in the dark, cycles, and its relative standard deviations: of a pixel's widths,
+    and of the pixels' dark currents over their thresholds. None without a dark current."""
+    pattern = setting.pattern
+    if pattern is None or not pattern.dark:
+        return None
+    width = longest_width(setting.threshold, pattern.dark) * setting.clock.hz
+    return width, setting.spread, math.hypot(pattern.dsnu, pattern.threshold_fpn)
 
 
 def reading_camera(
@@ -114,8 +142,10 @@ def dim_metrics(
     if masks and sensor.dark_limit is not None:
         dark = float(np.mean([dim.dark.sum() for dim in masks]))
         metrics["dark_pixels"] = Metric(dark, "pixels")
-        limit = dark_cycles(sensor, setting) / setting.clock.hz
-        metrics["dark_limit"] = Metric(limit, "s")
+        limit, law = dark_cycles(sensor, setting), _law_of_the_dark(setting)
+        metrics["dark_limit"] = Metric(limit / setting.clock.hz, "s")
+        if law is not None:
+            metrics["dark_seen_share"] = Metric(seen_dark_share(math.ceil(limit), *law), "1")
     return metrics
 
 
