@@ -29,6 +29,7 @@ import pytest
 import zarr
 from typer.main import get_command
 
+import scenarios.studies.bench.display as loop
 from cosim import Clock, Viform
 from cosim.files import write_stream
 from rtl_model.geometry import Geometry
@@ -36,9 +37,13 @@ from rtl_model.virtual.ethernet import EthernetBoard
 from scenarios.assemble.schema.loading import load
 from scenarios.cli.app import app
 from scenarios.cli.entry import _main
+from scenarios.cli.study.bench import STUDIES
+from scenarios.studies.bench.sensor import PARTS
 from tests.recorded.cases import LINK
 from tests.scenarios.studies.bench.small import SMALL_BENCH, make_bench_small
 
+DURATION = loop.DURATION
+"""Duration of a timed run of `bench loop`, before a test makes it small."""
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRAMS = "viform|make|mkdir|python|sudo|pip-compile|cp|mkfifo|ssh|camera-program"
@@ -245,7 +250,7 @@ def test_every_entry_is_of_a_command_that_a_document_names() -> None:
 
 def _read(command: Any, words: list[str]) -> None:
     """Reads the words of a command as the command line would, without running it. A scenario that
-    needs no file of another command is read too."""
+    needs no file of another command is read too, and `bench` assembles what it would run."""
     path = []
     while (group := getattr(command, "commands", None)) is not None:
         path.append(words[0])
@@ -253,9 +258,17 @@ def _read(command: Any, words: list[str]) -> None:
     given = command.make_context(" ".join(path), [*words]).params
     if path[0] in ("run", "plan", "accuracy") and ".toml" not in " ".join(words):
         load(given["scenario"] or "glass", given["assignments"] or [])
+    if path[0] == "bench":
+        assert given["part"] in (None, *PARTS, *STUDIES), given["part"]
+        if given["part"] in (None, "loop"):
+            for scenario, *sets in loop.LOOPS.values():
+                for duration in (loop.WARM, loop.DURATION):
+                    loop.loop_machine(scenario, None, sets, duration).close()
 
 
-def test_every_command_is_one_that_the_command_line_reads() -> None:
+def test_every_command_is_one_that_the_command_line_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    make_bench_small(monkeypatch, "loop")
+    monkeypatch.setattr(loop, "DURATION", DURATION)
     wrong, line = [], get_command(app)
     for command in {command.text: command for command in ALL}.values():
         for part in _parts(command.text):

@@ -43,6 +43,12 @@ def light_steps(
         start = until
 
 
+def is_steady(light: Light, stop: int) -> bool:
+    """Whether the light is one level a pixel from its first instant to `stop` (ps)."""
+    piece = light.pieces[0]
+    return piece.constant and piece.stop >= stop
+
+
 class PushedLight:
     """Light that comes frame by frame, and is linear in time between two frames.
 

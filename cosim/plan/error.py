@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
 
 from cosim.config.amounts import number
 from cosim.plan.effects import Kind
@@ -24,8 +28,8 @@ Of = Literal["run", "law"]
 """What an error is of: "run", the same random words as in full physics, compared spike by spike;
 "law", other draws of the same noise, of which only the distributions can be compared."""
 OTHER_NOISE: Final = (
-    "other noise of the same law: single spikes differ from those of full physics, their "
-    "distributions do not; --draws each keeps its draws"
+    "other noise of the same law: single spikes, or reports, differ from those of full physics, "
+    "their distributions do not; with latched pixels --draws each keeps its draws"
 )
 """What a user must know of an error in law, in one sentence."""
 
@@ -69,23 +73,34 @@ class Measured:
         largest = max(every, key=lambda error: error.value, default=None)
         return largest and replace(largest, high=max(error.high for error in every))
 
+    @classmethod
+    def rms(cls, squares: npt.NDArray[np.float64], scale: float, tile: int | None) -> Measured:
+        """The root mean square of differences over `scale`. squares: (n,) squared differences,
+        whose chance gives the limits."""
+        mean = float(squares.mean())
+        spread = DEVIATIONS * float(squares.std()) / math.sqrt(squares.size)
+        low, high = (math.sqrt(max(mean + sign * spread, 0.0)) / scale for sign in (-1, 1))
+        return cls(math.sqrt(mean) / scale, low, high, tile)
+
     def at_least(self, value: float, high: float | None = None) -> Measured:
         """The error where another one may be larger. high: upper limit of that, `value` by
         default."""
         most = max(self.high, value if high is None else high)
         return replace(self, value=max(self.value, value), low=max(self.low, value), high=most)
 
-    def in_law(self, apart: float, least: float = 0.0) -> Measured:
+    def in_law(self, apart: float, least: float = 0.0, most: float | None = None) -> Measured:
         """The error in law of a simulation that was measured with the draws of full physics.
 
         Args:
             apart: estimate of the distance of its own draws from these in law; 0 for none, which
                 leaves the error as it is.
             least: error that a comparison of the distributions has proven.
+            most: upper limit of the distance; None for that of an estimate.
         """
         if apart == 0:
             return self
-        value, high = self.value + apart, self.high + ESTIMATE_WEIGHT * apart
+        limit = ESTIMATE_WEIGHT * apart if most is None else most
+        value, high = self.value + apart, self.high + limit
         return replace(
             self, value=max(value, least), low=min(self.low, least), high=max(high, least)
         )

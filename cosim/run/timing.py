@@ -26,6 +26,7 @@ class TimingRow:
         realtime: throughput relative to real time, None if it has none.
         ceiling_ratio: throughput relative to the measured limit of the device, None if unknown.
         plain_ratio: throughput relative to the plain implementation, None if not measured.
+        share: part of the time of all stages of a chain, 0 to 1; None where there are none.
     """
 
     name: str
@@ -35,6 +36,7 @@ class TimingRow:
     realtime: float | None
     ceiling_ratio: float | None
     plain_ratio: float | None
+    share: float | None = None
 
 
 def least(

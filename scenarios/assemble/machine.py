@@ -189,14 +189,10 @@ def _assemble_study(command: str, name: str, scenario: AnyScenario, device: str 
     camera = filmed(scenario, command)
     refuse_leftovers(camera)
     if camera.sensor.pixel == "continuous":
-        why = {
-            "plan": "continuous pixels keep every effect",
-            "accuracy": "continuous pixels have one tier and leave no effect out",
-        }
-        raise InputError(
-            "sensor.pixel", "latched or asynchronous", "continuous",
-            f"set one of them: {why[command]}",
-        )  # fmt: skip
+        from scenarios.assemble.source.continuous import study_continuous
+
+        refuse_device("continuous", device)
+        return study_continuous(name, camera)
     if camera.sensor.pixel == "asynchronous":
         from scenarios.assemble.source.asynchronous import study_asynchronous
 

@@ -155,7 +155,10 @@ class _Continuous(_Unlatched):
 
         super().__init__(scenario, continuous_chip(scenario))
         section = scenario.sensor.continuous or ContinuousSection()
-        self._camera = intensity_camera(section, self.setting, scenario.tolerance)
+        image = scenario.image
+        self._camera = intensity_camera(
+            section, self.setting, scenario.tolerance, image.window, image.floor
+        )
 
     def notes(self, choice: LensChoice) -> list[str]:
         from sensor.continuous.shots import notes_of

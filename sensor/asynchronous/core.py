@@ -21,12 +21,11 @@ from cosim.compute.philox import seed_of
 from cosim.errors import InputError
 from cosim.light.light import Light, Plane
 from cosim.light.source import Source
-from cosim.light.steps import PushedLight, light_steps
+from cosim.light.steps import PushedLight, is_steady, light_steps
 from cosim.plan.error import Bounds, Measured
 from cosim.spikes.events import Events
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import AsynchronousPixels
-from sensor.asynchronous.pixel.closed import is_steady
 from sensor.asynchronous.plan.check import View, check_events
 from sensor.asynchronous.plan.effects import summarise
 from sensor.asynchronous.plan.plan import EventPlan, PlannedPixels, plan_events

@@ -1,16 +1,17 @@
 """A continuous camera that is called: light in, absolute intensities out, in memory.
 
-The camera is set up once. It has one tier and leaves nothing out, so a call plans nothing. It
-writes nothing. A run does the same around it with a recorder, images and a page, so both give the
-same bits.
+The camera is set up once. A call plans by the light that it begins with, and states the bound of
+what it leaves out; its check films a few tiles with full physics beside it. It writes nothing. A
+run does the same around it with a recorder, images and a page, so both give the same bits.
 
 The draws of a call are a function of the seed and of the number of the call alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from cosim.clock import PS, Clock
 from cosim.compute.philox import seed_of
@@ -22,6 +23,14 @@ from cosim.plan.error import Bounds
 from cosim.spikes.intensities import Intensities, join_intensities
 from cosim.stage import BLOCK
 from sensor.continuous.camera import ContinuousCamera
+from sensor.continuous.plan import (
+    SHOT,
+    IntensityPlan,
+    PatchCheck,
+    any_light,
+    plan_intensities,
+    windows_at,
+)
 from sensor.continuous.setting import ContinuousSetting
 
 MOST = 20_000_000
@@ -55,8 +64,7 @@ class FilmedIntensities(RecordedIntensities):
     """Reports of a call of a camera.
 
     Attributes:
-        error: Bounds of what is left out, which is nothing; the pixels have one tier, and its
-            arithmetic has no bound.
+        error: Bounds of what is left out, and of the noise of the model in law.
     """
 
     error: Bounds = field(kw_only=True)
@@ -87,33 +95,49 @@ class IntensityCamera:
 
     Args:
         setting: everything that decides the reports but the light; its seed is that of call 0.
-        kept: effects that act, by name.
-        tolerance: allowed relative error, which decides nothing here.
+        names: effects that act, by name.
+        tolerance: allowed relative error; 0 keeps every effect.
         most: reports of a call beyond which it ends; some 100 bytes of memory each.
+        floor: photocurrent to which errors of darker tiles are relative, electrons/s; that of one
+            report threshold unless given.
+        window: cycles around an instant over which a check compares reported values.
 
     Attributes:
-        setting, most: the arguments.
-        error: bounds of what is left out, which is nothing.
+        setting, names, tolerance, most, floor, window: the arguments.
 
     Raises:
         InputError: a clock that has no room in the exact arithmetic of the ticks.
     """
 
     def __init__(
-        self, setting: ContinuousSetting, kept: tuple[str, ...], *, tolerance: float = 1e-3,
-        most: int = MOST,
+        self, setting: ContinuousSetting, names: tuple[str, ...], *, tolerance: float = 1e-3,
+        most: int = MOST, floor: float | None = None, window: int = 41,
     ) -> None:  # fmt: skip
-        self.setting, self.most = setting, most
-        self.error = Bounds(bound=0.0, kind="proof", left_out={}, kept=kept, tolerance=tolerance)
+        self.setting, self.names, self.tolerance, self.most = setting, names, tolerance, most
+        self.floor, self.window = setting.floor if floor is None else floor, window
         self._longest = BLOCK if setting.noise else _room(setting.clock)
 
     def forget(self) -> None:
         """Nothing is kept for later calls but tables that all cameras share."""
 
-    def pixels(self, number: int = 0) -> ContinuousCamera:
-        """The pixels with the draws of a call."""
-        seed = seed_of(self.setting.seed, number)
-        return ContinuousCamera(replace(self.setting, seed=seed))
+    def numbered(self, number: int) -> ContinuousSetting:
+        """The setting with the draws of a call."""
+        return replace(self.setting, seed=seed_of(self.setting.seed, number))
+
+    def plan(
+        self, light: Light, stop: int, number: int = 0, tolerance: float | None = None
+    ) -> IntensityPlan:
+        """The plan of a call.
+
+        Args:
+            light: light on the pixels that it begins with.
+            stop: its end, ps.
+            number: number of the call.
+            tolerance: tolerance in place of that of the camera.
+        """
+        allowed = self.tolerance if tolerance is None else tolerance
+        setting = self.numbered(number)
+        return plan_intensities(setting, self.names, self.floor, allowed, light, stop)
 
     def steps(self, source: Source, relay: Relay, cycles: int) -> Iterator[tuple[Light, int, int]]:
         """(light on the pixels, start, stop) of consecutive steps, ps: blocks with noise, whose
@@ -132,25 +156,47 @@ class IntensityCamera:
             relay: map from the source's light to what each pixel receives.
             cycles: length, ticks of the clock, at least one.
             number: number of the call, below 2^64.
-            check: check of the simulation; must be False: nothing is left out that could be
-                checked.
+            check: whether full physics is filmed beside it on a few tiles, as in a run: shot noise
+                whose absence changes more than its bound is reinstated.
 
         Raises:
-            InputError: the reports are too many, or a check.
+            InputError: the reports are too many.
         """
-        if check:
-            raise InputError(
-                "check", "False with pixel = continuous, which leaves nothing out", "True",
-                "leave it out",
-            )  # fmt: skip
-        pixels, collected = self.pixels(number), Collected(self.most)
-        for light, start, stop in self.steps(source, relay, cycles):
-            collected.step(pixels.step(light, start, stop), start, stop)
-        reports = join_intensities(collected.parts)
-        notes = (*source.notes, *source.degraded)
+        steps = self.steps(source, relay, cycles)
+        first = next(steps)
+        plan = self.plan(first[0], self.setting.clock.edge(cycles), number)
+        reports, checked = self._film(plan, chain([first], steps), check)
+        windows = windows_at(even_cycles(cycles), self.window, cycles)
+        found = [] if checked is None else checked.measured(reports, windows)
+        said: list[str] = []
+        if checked is not None and (broken := checked.shortfall(found)):
+            said, plan = [one.message for one in broken], plan.keeping([SHOT])
+            reports, checked = self._film(plan, self.again(first[0], cycles), check)
+            assert checked is not None
+            found = checked.measured(reports, windows)
+        error = plan.bounds(None if checked is None else checked.worst(found))
+        notes = (*source.notes, *said, *source.degraded)
         return FilmedIntensities(
-            **vars(reports), error=self.error, notes=notes, degraded=tuple(source.degraded)
+            **vars(reports), error=error, notes=notes, degraded=tuple(source.degraded)
         )
+
+    def again(self, light: Light, cycles: int) -> Iterator[tuple[Light, int, int]]:
+        """The steps of light that is known to the end of the run."""
+        edge = self.setting.clock.edge
+        for tick in range(0, cycles, self._longest):
+            yield light, edge(tick), edge(min(tick + self._longest, cycles))
+
+    def _film(
+        self, plan: IntensityPlan, steps: Iterable[tuple[Light, int, int]], check: bool
+    ) -> tuple[Intensities, PatchCheck | None]:
+        """The reports of a plan, and the check that was filmed beside them."""
+        pixels, collected = ContinuousCamera(plan.planned), Collected(self.most)
+        checked = PatchCheck(plan, plan.tiles()) if check else None
+        for light, start, stop in steps:
+            if checked is not None:
+                checked.step(light, start, stop)
+            collected.step(pixels.step(light, start, stop), start, stop)
+        return join_intensities(collected.parts), checked
 
     def open(self, most: float, frames: Clock, relay: Relay, number: int = 0) -> LiveIntensities:
         """A camera whose light comes frame by frame.
@@ -162,7 +208,12 @@ class IntensityCamera:
             number: number of the call.
         """
         light = PushedLight(most, frames, relay)
-        return LiveIntensities(self.pixels(number), self.error, light, self._longest)
+        return LiveIntensities(self, number, light, self._longest)
+
+
+def even_cycles(cycles: int) -> list[int]:
+    """Five evenly spaced cycles of a run, fewer in a shorter one."""
+    return sorted({cycles * (2 * i + 1) // 10 for i in range(5)})
 
 
 def _room(clock: Clock) -> int:
@@ -181,13 +232,16 @@ class LiveIntensities:
     in time.
 
     Attributes:
-        error: Bounds of what is left out, which is nothing.
+        error: Bounds of the noise of the model in law, under any light; nothing is left out.
     """
 
     def __init__(
-        self, pixels: ContinuousCamera, error: Bounds, light: PushedLight, longest: int
+        self, camera: IntensityCamera, number: int, light: PushedLight, longest: int
     ) -> None:
-        self.error, self._pixels, self._light, self._longest = error, pixels, light, longest
+        setting = camera.numbered(number)
+        self.error = any_light(setting, camera.names, camera.floor, camera.tolerance).bounds()
+        self._pixels = ContinuousCamera(setting)
+        self._light, self._longest = light, longest
         self._tick = 0
 
     def push(self, plane: Plane) -> FilmedIntensities | None:

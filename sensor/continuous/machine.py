@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from cosim import Clock, Intensities, Light, join_intensities
+from cosim.config.amounts import number
 from cosim.files.intensities import write_intensities
-from cosim.plan.error import Finding
+from cosim.plan.error import Finding, Measured, accepted_error, beyond
 from cosim.run.inputs import add_digests
 from cosim.run.machine import Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Error, Metric, Throughput, latency_rows, viform_version
 from cosim.run.steps import StepChain
 from cosim.stage import State
+from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.core import Collected
+from sensor.continuous.plan import KIND, IntensityPlan, PatchCheck, windows_at
 from sensor.continuous.report import continuous_page
 from sensor.continuous.run import STREAM, ContinuousRun, ContinuousSpec, ContinuousViews
 from sensor.continuous.shots import (
@@ -74,14 +78,31 @@ class _Sink(Collected):
 
 @dataclass(frozen=True, eq=False)
 class ContinuousMachine:
-    """A continuous camera that is ready to run; see `Machine`. It has one tier and keeps every
-    effect."""
+    """A continuous camera that is planned and ready to run; see `Machine`.
+
+    Attributes:
+        spec: camera and scene.
+        plan: what is kept.
+        light: light that the run begins with.
+        steps: light, start and stop (ps) of each step.
+    """
 
     spec: ContinuousSpec
+    plan: IntensityPlan
+    light: Light
+    steps: Iterable[tuple[Light, int, int]]
 
     device = "numba on this processor"
     unit = "cycles"
     bits = 0  # recorded in memory, which has a limit of its own
+
+    @classmethod
+    def begin(cls, spec: ContinuousSpec) -> ContinuousMachine:
+        """Takes the first step of light, which the plan is made from."""
+        steps = spec.pixels.steps(spec.source, spec.relay, spec.cycles)
+        first = next(steps)
+        plan = spec.pixels.plan(first[0], spec.setting.clock.edge(spec.cycles))
+        return cls(spec, plan, first[0], chain([first], steps))
 
     @property
     def toml(self) -> str:
@@ -98,14 +119,19 @@ class ContinuousMachine:
         return self.spec.cycles
 
     def check(self, progress: Progress) -> list[Finding]:
-        """None: nothing is left out."""
+        """None: full physics is filmed beside the run."""
         return []
 
     def keep(self, effects: Sequence[str]) -> ContinuousMachine:
-        return self
+        if not self.plan.plan.left_out:
+            return self
+        # What is left out in steady light alone, which is known, is filmed again from the start.
+        steps = self.spec.pixels.again(self.light, self.spec.cycles)
+        return replace(self, plan=self.plan.keeping(effects), steps=steps)
 
     def chain(self, folder: Path) -> StepChain:
         spec, chip = self.spec, self.spec.setting.chip
+        inputs = add_digests(spec.inputs) + viform_version() + ",".join(self.plan.plan.left_out)
         sink = _Sink(
             most=spec.pixels.most,
             shape=(chip.height, chip.width),
@@ -115,21 +141,35 @@ class ContinuousMachine:
         return StepChain(
             f"{spec.name}: {chip.width} x {chip.height} continuous pixels", folder,
             spec.setting.clock, spec.cycles, self._steps(sink.light),
-            {"sensor": spec.pixels.pixels(), "recorder": sink}, sink,
-            hashlib.sha256((add_digests(spec.inputs) + viform_version()).encode()).hexdigest(),
+            {
+                "check": PatchCheck(self.plan, self.plan.tiles()),
+                "sensor": ContinuousCamera(self.plan.planned), "recorder": sink,
+            },
+            sink, hashlib.sha256(inputs.encode()).hexdigest(),
         )  # fmt: skip
 
     def _steps(self, drawn: PixelLight) -> Iterator[tuple[Light, int, int]]:
         """The light; that of the pixels that are drawn is kept."""
         spec = self.spec
         stop = spec.setting.clock.edge(spec.cycles)
-        for light, start, until in spec.pixels.steps(spec.source, spec.relay, spec.cycles):
+        for light, start, until in self.steps:
             drawn.take(light, stop)
             yield light, start, until
 
     def shortfall(self, recording: Recording) -> list[Finding]:
-        """None: no error is measured."""
-        return []
+        """What is left out and changes more than its bound."""
+        if not self.plan.plan.left_out:
+            return []
+        reports = join_intensities(recording.chain.sink.parts)
+        checked, measured = self._measured(recording, reports)
+        return checked.shortfall(measured)
+
+    def _measured(
+        self, recording: Recording, reports: Intensities
+    ) -> tuple[PatchCheck, list[Measured]]:
+        checked: PatchCheck = recording.chain.stages["check"]
+        windows = windows_at(self.spec.instants, self.spec.pixels.window, self.spec.cycles)
+        return checked, checked.measured(reports, windows)
 
     def judge(self, recording: Recording, progress: Progress) -> Outcome:
         spec, seconds, sink = self.spec, recording.seconds, recording.chain.sink
@@ -151,11 +191,23 @@ class ContinuousMachine:
             if shot.silent
         ]
         rate = work / max(seconds["sensor"], 1e-9)
+        checked, found = self._measured(recording, reports)
+        error, law = checked.worst(found), self.plan.law
+        over = error.high > accepted_error(self.plan.plan.tolerance)
         return Outcome(
-            outcome="degraded" if spec.source.degraded else "ok",
+            outcome="degraded" if spec.source.degraded or over else "ok",
             simulated_s=spec.cycles / clock.hz,
-            error=Error(None, "continuous pixels leave nothing out", None),
-            kept=list(spec.pixels.error.kept),
+            error=Error(
+                error.value,
+                KIND,
+                (error.low, error.high),
+                len(found),
+                checked.over(found),
+                "run" if law is None else "law",
+                law,
+            ),
+            kept=self.plan.kept,
+            left_out=checked.left_out(found),
             metrics={
                 **metrics,
                 **report_metrics(reports, spec.setting),
@@ -166,13 +218,27 @@ class ContinuousMachine:
             latency=latency_rows("report age", report_ages(shots, clock)),
             throughput=[Throughput("sensor", rate, "pixel-cycles/s")],
             files=files,
-            notes=[*silent, *spec.source.degraded],
+            notes=[*silent, *self._beyond(error), *spec.source.degraded],
             views=ContinuousViews(reports, sink.light, shots),
         )
 
+    def _beyond(self, error: Measured) -> list[str]:
+        """What a user must know of an error above the tolerance with everything kept."""
+        tolerance = self.plan.plan.tolerance
+        if error.high <= accepted_error(tolerance):
+            return []
+        apart = float(self.plan.apart[1].max())
+        if apart < error.high / 2:
+            return [beyond(error, tolerance)]
+        return [
+            f"shot noise is drawn in the limit of many electrons, which differs in law by up to "
+            f"{number(apart, 2)} in the darkest tile, where the tolerance is {number(tolerance)}: "
+            "a longer time_constant, or measure, lowers it, and so does a larger image.floor"
+        ]
+
     def judged(self, run: Run) -> ContinuousRun:
         """The run as its page reads it."""
-        return ContinuousRun(run, self.spec, run.outcome.views)
+        return ContinuousRun(run, self.spec, self.plan, run.outcome.views)
 
     def page(self, run: Run) -> Page:
         return continuous_page(self.judged(run))

@@ -49,7 +49,6 @@ def continuous_page(judged: ContinuousRun) -> Page:
         _cards(judged),
         sections,
         quality="A higher PSNR is better; fewer reports and bits are cheaper to send.",
-        unmeasured="It cannot be measured: these pixels have one tier, with every effect.",
         commands_do="<p>The same bits, however the run is split.</p>",
         files=[f"figures/{name}" for name in figures],
     )
@@ -289,9 +288,25 @@ def _machine(judged: ContinuousRun) -> str:
     return (
         "<h2>The machine</h2>"
         + table(["what", "value", "from"], numbers)
-        + "<h2>What was kept and what was left out</h2><p>Nothing was left out.</p>"
-        + table(["effect"], [[name] for name in judged.run.result.kept])
+        + "<h2>What was kept and what was left out</h2>"
+        + table(["effect", "kept in", "bound", "measured"], _plan_rows(judged))
+        + "<p>The error is that of reported values, held and averaged over the image windows, "
+        "against the same equations computed in another way on a few tiles; with shot noise, whose "
+        "electrons are drawn in the limit of many, the distance from single electrons in law is "
+        "added.</p>"
     )
+
+
+def _plan_rows(judged: ContinuousRun) -> list[list[str]]:
+    """The effects, and what leaving one out changes."""
+    found = {row["effect"]: row for row in judged.run.result.left_out}
+    return [
+        [row.effect, "all pixels", "", ""]
+        if row.effect not in found
+        else [row.effect, "none", f"{number(row.bound, 2)}, {row.kind}",
+              number(found[row.effect]["measured"], 2)]
+        for row in judged.plan.rows
+    ]  # fmt: skip
 
 
 def reports_explorer(judged: ContinuousRun) -> str:

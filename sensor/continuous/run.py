@@ -12,6 +12,7 @@ from cosim import InputError, Intensities, Lens, Light
 from cosim.light.source import Source
 from cosim.run.machine import Run
 from sensor.continuous.core import IntensityCamera
+from sensor.continuous.plan import IntensityPlan
 from sensor.continuous.setting import ContinuousSetting, Converter, quiet_floor
 from sensor.continuous.shots import ContinuousShot, PixelLight, effect_names
 from sensor.latched.setting import CameraSetting
@@ -88,11 +89,13 @@ class ContinuousRun:
     Attributes:
         run: result, wall times and notes.
         spec: camera and scene.
+        plan: what was kept and left out.
         views: what was made of the recording.
     """
 
     run: Run
     spec: ContinuousSpec
+    plan: IntensityPlan
     views: ContinuousViews
 
 
@@ -136,9 +139,22 @@ def continuous_setting(section: ContinuousSection, camera: CameraSetting) -> Con
 
 
 def intensity_camera(
-    section: ContinuousSection, camera: CameraSetting, tolerance: float
-) -> IntensityCamera:
-    """The camera, ready to be called. camera, and raises: see `continuous_setting`."""
+    section: ContinuousSection, camera: CameraSetting, tolerance: float, window: int,
+    floor: float | None,
+) -> IntensityCamera:  # fmt: skip
+    """The camera, ready to be called.
+
+    Args:
+        section, camera: see `continuous_setting`, which also says what raises InputError.
+        tolerance: allowed relative error.
+        window: cycles of an image.
+        floor: spikes a cycle of a spike camera to which errors of darker tiles are relative; None
+            for a spike in the window, 0 for the least change that is reported.
+    """
     setting = continuous_setting(section, camera)
-    kept = tuple(effect_names(setting, camera))
-    return IntensityCamera(setting, kept, tolerance=tolerance, most=section.most_reports)
+    names = tuple(effect_names(setting, camera))
+    rate = 1 / window if floor is None else floor
+    return IntensityCamera(
+        setting, names, tolerance=tolerance, most=section.most_reports, window=window,
+        floor=rate * camera.threshold * setting.clock.hz or None,
+    )  # fmt: skip

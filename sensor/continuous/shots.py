@@ -130,7 +130,6 @@ def notes_of(
         notes.append(f"left out of the preset silicon, since no pixel spikes: {spiking}")
     if not setting.noise:
         notes.append("shot noise is off")
-    notes.append("these pixels have one tier, with every effect, so no error is measured")
     if setting.floor > setting.contrast * white:
         notes.append(
             f"at any light only changes of {setting.floor / white:.2g} of white or more are "

@@ -26,6 +26,7 @@ from sensor import CameraSetting
 from sensor.continuous.camera import ContinuousCamera
 from sensor.continuous.machine import ContinuousMachine
 from sensor.continuous.run import ContinuousSpec, intensity_camera
+from sensor.continuous.study import ContinuousStudy
 from sensor.sections.unlatched import ContinuousSection
 
 
@@ -36,11 +37,22 @@ def with_defaults(scenario: Scenario) -> Scenario:
 
 def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
     """The machine of a scenario. Raises InputError."""
+    return ContinuousMachine.begin(_spec(name, scenario))
+
+
+def study_continuous(name: str, scenario: Scenario) -> ContinuousStudy:
+    """The study of a scenario for `viform plan` and `viform accuracy`. Raises InputError."""
+    return ContinuousStudy(_spec(name, scenario))
+
+
+def _spec(name: str, scenario: Scenario) -> ContinuousSpec:
+    """The camera of a scenario, its scene and its lens."""
     scenario = with_defaults(scenario)
     section = scenario.sensor.continuous
     assert section is not None
     camera = continuous_chip(scenario)
-    pixels = intensity_camera(section, camera, scenario.tolerance)
+    image = scenario.image
+    pixels = intensity_camera(section, camera, scenario.tolerance, image.window, image.floor)
     clock, chip = pixels.setting.clock, pixels.setting.chip
     cycles = clock.cycles_in(seconds_to_ps(scenario.duration))
     if not cycles and clock.hz * DAY < 1:
@@ -58,22 +70,20 @@ def assemble_continuous(name: str, scenario: Scenario) -> ContinuousMachine:
     source = scenario.scene.source(
         SceneGrid((chip.height, chip.width), clock, cycles, aligned=False)
     )
-    return ContinuousMachine(
-        ContinuousSpec(
-            name=name,
-            title=scenario.title,
-            toml=to_toml(scenario),
-            inputs=to_toml(scenario.model_copy(update={"title": ""})),
-            section=scenario.sensor,
-            camera=camera,
-            pixels=pixels,
-            lens=lens,
-            relay=make_relay(lens, camera),
-            illuminance=scenario.scene.illuminance,
-            source=source,
-            cycles=cycles,
-            instants=instants,
-        )
+    return ContinuousSpec(
+        name=name,
+        title=scenario.title,
+        toml=to_toml(scenario),
+        inputs=to_toml(scenario.model_copy(update={"title": ""})),
+        section=scenario.sensor,
+        camera=camera,
+        pixels=pixels,
+        lens=lens,
+        relay=make_relay(lens, camera),
+        illuminance=scenario.scene.illuminance,
+        source=source,
+        cycles=cycles,
+        instants=instants,
     )
 
 

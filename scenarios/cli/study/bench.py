@@ -113,15 +113,15 @@ def _print_rows(document: dict[str, Any]) -> None:
     tell(document["device"])
     if ceiling["value"] is not None:
         tell(f"ceiling {amount(ceiling['value'], ceiling['unit'])}: {ceiling['what']}")
-    names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8}"
+    names = f"{'x real time':>11} {'x ceiling':>10} {'x plain':>8} {'share':>8}"
     wide = max(len(row["tier"]) for row in document["rows"])
     tell(f"{'':<20} {'tier':<{wide}} {'':<25} {names}")
     for row in document["rows"]:
-        real, share, plain = (
+        real, limit, plain, share = (
             "" if row[key] is None else number(row[key])
-            for key in ("realtime", "ceiling_ratio", "plain_ratio")
+            for key in ("realtime", "ceiling_ratio", "plain_ratio", "share")
         )
         tell(
             f"{row['name']:<20} {row['tier']:<{wide}} {amount(row['value'], row['unit']):<25} "
-            f"{real:>11} {share:>10} {plain:>8}"
+            f"{real:>11} {limit:>10} {plain:>8} {share:>8}".rstrip()
         )

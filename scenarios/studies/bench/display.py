@@ -8,9 +8,10 @@ pursuing eye in display.pursuit). Every timed call includes the transfer of its 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -110,12 +111,13 @@ def display_rows(device: Device | None, ceiling: float | None) -> list[TimingRow
 
 
 def loop_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
-    """A row for each chain, and one for each of its stages alone.
+    """A row for each chain, one for its processor time and one for each of its stages alone.
 
     The chain of the plan runs from its first to its last block, with the recording, without the
     report. The stages work at the same time; the plain way is one after another. The value of a
     stage is what it would reach if it had nothing to wait for, so the slowest stage is the one with
-    the smallest.
+    the smallest; its share is of the time of all stages. Processor time is that of the parallel
+    run, all cores together, and depends least on what else the machine does.
 
     Args:
         device: OpenCL device, None for the compiled form.
@@ -124,43 +126,62 @@ def loop_rows(device: Device | None, ceiling: float | None) -> list[TimingRow]:
     rows = []
     for name, (scenario, *sets) in LOOPS.items():
         _run(scenario, device, sets, WARM, parallel=True)
-        spent, seconds, simulated = _run(scenario, device, sets, DURATION, parallel=True)
-        _, plain, _ = _run(scenario, device, sets, DURATION, parallel=False)
-        cycles, hz = simulated
-        rows.append(_row(name, "chain", cycles, seconds, hz, plain / seconds))
+        ran = _run(scenario, device, sets, DURATION, parallel=True)
+        plain = _run(scenario, device, sets, DURATION, parallel=False).seconds
+        rows.append(_row(name, "chain", ran, ran.seconds, plain / ran.seconds))
+        rows.append(
+            TimingRow(f"{name}.processor", "all cores", ran.processor_s, "s", None, None, None)
+        )
+        whole = sum(ran.stages.values())
         rows += [
-            _row(f"{name}.{stage}", "stage", cycles, took, hz, None)
-            for stage, took in spent.items()
+            _row(f"{name}.{stage}", "stage", ran, took, None, took / max(whole, 1e-9))
+            for stage, took in ran.stages.items()
         ]
     return rows
 
 
+class _Ran(NamedTuple):
+    """A chain that has run: seconds of each stage, of the whole and of processor time; cycles of
+    the scene, and how many a second it has, Hz."""
+
+    stages: dict[str, float]
+    seconds: float
+    processor_s: float
+    cycles: int
+    hz: float
+
+
 def _row(
-    name: str, tier: str, cycles: int, seconds: float, hz: float, plain: float | None
+    name: str, tier: str, ran: _Ran, seconds: float, plain: float | None, share: float | None = None
 ) -> TimingRow:
-    value = cycles / max(seconds, 1e-9)
-    return TimingRow(name, tier, value, "planes/s", value / hz, None, plain)
+    value = ran.cycles / max(seconds, 1e-9)
+    return TimingRow(name, tier, value, "planes/s", value / ran.hz, None, plain, share)
 
 
-def _run(
-    scenario: str, device: Device | None, sets: list[str], duration: str, *, parallel: bool
-) -> tuple[dict[str, float], float, tuple[int, float]]:
-    """Seconds of each stage, seconds of the chain, and (cycles, cycles a second) of the scene.
-
-    The time of a chain that fails to keep its plan is that of its last try.
-    """
+def loop_machine(
+    scenario: str, device: Device | None, sets: Sequence[str], duration: str
+) -> ChainMachine:
+    """The chain of a run of `bench loop`, to be closed."""
     name, loaded = load(scenario, [*sets, f"duration={duration}"])
     options = Options("numba" if device is None else str(device.number))
     machine = assemble(name, loaded, options, QuietProgress())
+    assert isinstance(machine, ChainMachine)
+    return machine
+
+
+def _run(
+    scenario: str, device: Device | None, sets: Sequence[str], duration: str, *, parallel: bool
+) -> _Ran:
+    """The time of a chain that fails to keep its plan is that of its last try."""
+    machine = loop_machine(scenario, device, sets, duration)
     try:
         with TemporaryDirectory() as folder:
-            assert isinstance(machine, ChainMachine)
             chain: Any = machine.chain(Path(folder))
             chain.parallel = parallel
-            begin = time.perf_counter()
+            begin, worked = time.perf_counter(), time.process_time()
             spent = chain.run(QuietProgress())
-            seconds = time.perf_counter() - begin
-        return spent, seconds, (machine.feed.cycles, machine.feed.clock.hz)
+            seconds, processor_s = time.perf_counter() - begin, time.process_time() - worked
+        return _Ran(spent, seconds, processor_s, machine.feed.cycles, machine.feed.clock.hz)
     except Interrupted as exc:  # its advice is to go on in a folder that is gone
         raise KeyboardInterrupt from exc
     finally:

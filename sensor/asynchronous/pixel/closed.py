@@ -19,6 +19,7 @@ from cosim.clock import PS
 from cosim.compute.philox_compiled import random_words, word_at
 from cosim.compute.streams import Stream
 from cosim.light.light import Light
+from cosim.light.steps import is_steady
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.gamma import inverse_lower, inverse_upper, poisson_outside, tails
 from sensor.asynchronous.pixel.stretches import SKIP, interval_moments
@@ -82,12 +83,6 @@ class ClosedPixels:
         )  # fmt: skip
         level = np.full(count, m.levels, np.uint16)
         return Firings(pixel[:count], instant[:count], width[:count], exact[:count], level, n)
-
-
-def is_steady(light: Light, stop: int) -> bool:
-    """Whether the light is one level a pixel from its first instant to `stop` (ps)."""
-    piece = light.pieces[0]
-    return piece.constant and piece.stop >= stop
 
 
 # A compiled kernel takes its arrays one by one: a record of them would be taken apart each call.

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from cosim import PS, Light
 from cosim.plan.error import (
-    DEVIATIONS,
     EVERYTHING,
     Finding,
     Measured,
@@ -194,9 +193,7 @@ def _distance(one: Reals, two: Reals, scale: float, tile: int) -> Measured:
     square = (one - two) ** 2
     there = ~np.isnan(square)
     each = np.where(there, square, 0.0).sum(1) / np.maximum(there.sum(1), 1)
-    mean, spread = float(each.mean()), DEVIATIONS * float(each.std()) / math.sqrt(each.size)
-    low, high = (math.sqrt(max(mean + sign * spread, 0.0)) / scale for sign in (-1, 1))
-    return Measured(math.sqrt(mean) / scale, low, high, tile)
+    return Measured.rms(each, scale, tile)
 
 
 def _scale(plan: EventPlan, rates: Reals) -> float:

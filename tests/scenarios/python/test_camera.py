@@ -93,14 +93,15 @@ def test_a_call_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
     ],
 )
 def test_a_call_of_pixels_without_a_latch_has_the_bits_of_a_run(kind: str, tmp_path: Path) -> None:
-    keys, checks = UNLATCHED[kind], kind == "asynchronous"
+    keys, checks = UNLATCHED[kind], kind == "asynchronous" or kind.startswith("continuous")
     own = {f"sensor.{key}": value for key, value in {**SMALL, **keys}.items()}
     run = viform.film(frames(), frame_rate=2000, out=tmp_path / "run", **own)
     camera = viform.Camera(**SMALL, **keys)
     seen = camera.film(frames(), 2000, check=checks)
     assert seen == run == viform.film(frames(), frame_rate=2000, **own) and len(run) > 500
     assert seen != camera.film(frames(), 2000) or kind == "continuous, no noise"
-    assert seen.error.bound == 0 and seen.white_rate == 0.6
+    # Continuous pixels draw their noise in the limit of many electrons.
+    assert (seen.error.bound > 0) == (kind == "continuous") and seen.white_rate == 0.6
     result = viform.Run(tmp_path / "run").result
     assert list(seen.error.kept) == result["plan"]["kept"]
     if checks:
@@ -202,7 +203,7 @@ def test_frames_pushed_to_pixels_without_a_latch_become_the_stream_of_the_whole(
     given, rate = frames(7), 1234.5
     whole, stream = camera.film(given, rate, call=3), camera.open(rate, call=3)
     parts = [stream.push(frame) for frame in given]
-    assert parts[0] is None and stream.error.bound == 0
+    assert parts[0] is None and (stream.error.bound > 0) == (kind == "continuous")
     first, columns = 0, ("row", "column", "time", "value" if "cont" in kind else "width")
     for part in parts[1:]:
         assert part is not None and part.start == first and part.white_rate == 0.6
@@ -410,9 +411,7 @@ def test_what_cannot_be_filmed_without_a_latch_is_one_line(readout: str) -> None
             [frames()], camera, 2000
         ),
     }
-    if readout == "continuous":
-        calls["check must be False"] = lambda: camera.film(frames(), 2000, check=True)
-    else:
+    if readout == "asynchronous":
         shared = viform.Camera(**keys, **{"channel.rate": "1 MHz"})
         calls["channel must be absent for a live camera"] = lambda: shared.open(2000)
     for says, call in calls.items():

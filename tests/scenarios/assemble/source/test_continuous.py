@@ -147,7 +147,9 @@ def test_the_folder_is_as_the_design_says(whole):
     assert set(document["files"]) == there
     assert {"report.html", "stream.intensities.npz", "scenario.toml", "result.json"} <= there
     assert {"images/truth-00200.png", "images/continuous-00360.png"} <= there
-    assert document["outcome"] == "ok" and document["error"]["value"] is None
+    error = document["error"]
+    assert document["outcome"] == "ok" and 0 < error["value"] <= error["ci"][1] < 1e-3
+    assert error["of"] == "law" and error["tiles_checked"] > 0 == error["tiles_over"]
     metrics = {name: m["value"] for name, m in document["metrics"].items()}
     assert metrics["reports"] == len(run.views.reports) > 2 * 640
     assert metrics["report_rate"] == pytest.approx(metrics["reports"] / 640 / 10e-3)

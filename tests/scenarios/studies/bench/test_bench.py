@@ -240,10 +240,22 @@ def rows(viform: Callable[..., Any]) -> list[dict[str, Any]]:
     chains = [row["name"] for row in found if row["tier"] == "chain"]
     assert chains == list(loop.LOOPS)
     for row in found:
-        assert row["unit"] == "planes/s" and row["value"] > 0 and row["ceiling_ratio"] is None
-        assert row["realtime"] == pytest.approx(row["value"] / 40e3)
-        assert (row["plain_ratio"] is None) == (row["tier"] == "stage")
+        assert row["value"] > 0 and row["ceiling_ratio"] is None
+        assert (row["plain_ratio"] is None) == (row["tier"] != "chain")
+        assert (row["share"] is None) == (row["tier"] != "stage")
+        if row["name"].endswith(".processor"):
+            assert row["unit"] == "s" and row["realtime"] is None
+        else:
+            assert row["unit"] == "planes/s"
+            assert row["realtime"] == pytest.approx(row["value"] / 40e3)
+    for name in chains:
+        shares = [row["share"] for row in found if row["tier"] == "stage" and _of(row, name)]
+        assert sum(shares) == pytest.approx(1)
     return found
+
+
+def _of(row: dict[str, Any], chain: str) -> bool:
+    return str(row["name"]).startswith(f"{chain}.")
 
 
 @pytest.mark.slow
@@ -260,9 +272,10 @@ def test_every_run_of_bench_loop_is_one_that_its_scenario_allows(
 ) -> None:
     glass = {"loop.glass": loop.LOOPS["loop.glass"]}  # the clock of the other locks for seconds
     monkeypatch.setattr(loop, "LOOPS", glass)
-    monkeypatch.setattr(BlockChain, "run", lambda *_: {"sensor": 0.5})
-    for row in rows(viform):
-        assert row["tier"] == "chain" or row["value"] == 80 / 0.5  # cycles a second
+    monkeypatch.setattr(BlockChain, "run", lambda *_: {"sensor": 0.5, "display": 1.5})
+    stages = {row["name"]: row for row in rows(viform) if row["tier"] == "stage"}
+    assert stages["loop.glass.sensor"]["value"] == 80 / 0.5  # cycles a second
+    assert stages["loop.glass.sensor"]["share"] == 0.25
 
 
 @pytest.mark.usefixtures("loop_small")

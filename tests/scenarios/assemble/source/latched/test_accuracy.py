@@ -79,6 +79,21 @@ def test_a_reader_gets_a_table(viform, monkeypatch, document):
     assert code == 0 and "speed-up" in out and "shot noise" in out
 
 
-def test_the_continuous_readout_is_refused_in_one_line(refused):
-    told = refused("accuracy", "step", "--set", "sensor.pixel=continuous")
-    assert told.startswith("sensor.pixel must be latched or asynchronous, not continuous")
+def test_continuous_pixels_have_a_plan_and_a_ladder(viform):
+    """Steady bars of 3000 electrons a time constant and fewer: shot noise is 1.3 % and more."""
+    sets = ("sensor.pixel=continuous", "sensor.continuous.width=40", "sensor.continuous.height=16",
+            "duration=4 ms", "scene.at=3.9 ms", "scene.before=0.9", "scene.after=0.9")  # fmt: skip
+    words = [word for each in sets for word in ("--set", each)]
+    planned = viform("plan", "step", *words, "--json")
+    assert planned.code == 0, planned.err
+    document = json.loads(planned.out)
+    assert document["kept"][0] == "shot noise" and document["error"]["of"] == "law"
+    assert 0 < document["promised"] < 1e-3 and document["predicted"]["sensor_s"] > 0
+    found = viform("accuracy", "step", *words, "--json")
+    assert found.code == 0, found.err
+    ladder = json.loads(found.out)
+    for row in ladder["rows"]:
+        assert row["error"] <= row["ci"][1] and row["ns_per_pixel_cycle"] > 0
+    exact = next(row for row in ladder["rows"] if row["tolerance"] == 0)
+    assert exact["of"] == "law" and exact["left_out"] == [] and exact["error"] < 1e-3
+    assert [row["tier"] for row in ladder["rows"]][-1] == "reference"
