@@ -4,8 +4,9 @@ columns and neighbours.
 Drift: in sums of 64 cycles the counts of independent pixels add up to the sum of their variances.
 What the counts of all together vary beyond it is the gain's, whose law is that of
 sensor/latched/effects/drift.py: normal values KNOT cycles apart, linear in between. Its sample
-variance over the sums has a mean and a variance that follow from their covariance C, and takes the
-limits of a gamma law with these (Satterthwaite, Biometrics Bulletin 2:110, 1946).
+variance over the sums has a mean and a variance that follow from their covariance C and that of
+pixels, and takes the limits of a gamma law with these (Satterthwaite, Biometrics Bulletin 2:110,
+1946).
 
 Pattern: the mean products of the gains of neighbours, less noise, are their correlations, and the
 variances of the means of rows and columns are those of independent pixels, of neighbours, and of
@@ -106,20 +107,34 @@ def measure_drift(trains: Trains, good: Pixels) -> Drift | None:
         return None
     centred = np.eye(sums) - 1 / sums
     shape = centred @ drift_covariance(BLOCK, sums) @ centred
+    pixels = centred @ _neighbouring(each) @ centred
+    pixels *= alone / mean**2 * (sums - 1) / np.trace(pixels)
     scale = float(np.trace(shape)) / (sums - 1)
     squared = max(variance - alone, 0.0) / (mean**2 * scale)
-    known = bool(chi2.sf((sums - 1) * variance / alone, sums - 1) < _CHANCE)
+
+    def freedom(covariance: Values) -> float:
+        """Degrees of freedom of the sample variance of sums with this covariance."""
+        return float(np.trace(covariance) ** 2 / np.trace(covariance @ covariance))
 
     def limit(share: float, size: float) -> float:
         """Quantile of the sample variance with this drift, over that of independent pixels."""
-        one = centred * alone / mean**2 + size * shape
-        middle, spread = np.trace(one), 2 * np.trace(one @ one)
-        free = 2 * middle**2 / spread
-        return float(middle / (sums - 1) * chi2.ppf(share, free) / free)
+        one = pixels + size * shape
+        free = freedom(one)
+        return float(np.trace(one) / (sums - 1) * chi2.ppf(share, free) / free)
 
-    measured = variance / mean**2
+    measured, free = variance / mean**2, freedom(pixels)
+    known = bool(chi2.sf(free * variance / alone, free) < _CHANCE)
     low, high = (_root(limit, share, measured, squared) for share in (0.975, 0.025))
     return Drift(squared**0.5, (low or 0.0, high), known, variance / alone, sums)
+
+
+def _neighbouring(each: npt.NDArray[np.int64]) -> Values:
+    """Correlation of the sums of a pixel, (sums, sums): a spike that one of them gains, the next
+    one loses, so that neighbours have down to -1/2. each: (sums, pixels)."""
+    off = each - each.mean(axis=0)
+    alike = float((off[1:] * off[:-1]).sum() / (off**2).sum())
+    sums = len(each)
+    return np.eye(sums) + np.clip(alike, -0.5, 0.5) * (np.eye(sums, k=1) + np.eye(sums, k=-1))
 
 
 def _root(
@@ -154,8 +169,9 @@ def drift_parameter(drift: Drift | None) -> Parameter:
             "drift", "drift of the gain that all pixels have in common", None, (None, None), "1",
             False, "no recording of still light is long enough", "record 256 cycles or more",
         )  # fmt: skip
+    value, ci = (drift.size, drift.ci) if drift.known else (0.0, (0.0, drift.ci[1]))
     return Parameter(
-        "drift", "drift of the gain that all pixels have in common, RMS", drift.size, drift.ci, "1",
+        "drift", "drift of the gain that all pixels have in common, RMS", value, ci, "1",
         True, f"counts of all pixels in {drift.sums} sums of {BLOCK} cycles vary {drift.ratio:.3g} "
         "times as those of independent pixels",
     )  # fmt: skip

@@ -128,7 +128,7 @@ def preset_text(result: Calibration) -> str | None:
         sensor["duplicated_rows"] = [list(pair) for pair in result.duplicated]
     for name in ("drift", "row_jitter", "row_band", "row_band_width"):
         value = found[name].value if name in found else None
-        if isinstance(value, float) and (name != "drift" or found[name].ci[0]):
+        if isinstance(value, float) and (name != "drift" or value):
             most = {"row_jitter": MOST_JITTER, "drift": 0.1}.get(name, value)  # those of the keys
             sensor[name] = min(value, most)
     pattern: dict[str, Any] = {}

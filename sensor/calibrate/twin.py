@@ -155,9 +155,8 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     setting = CameraSetting(
         section.own_chip, clock, threshold, seed, reset=section.reset, parameters=parameters
     )
-    rate = light / (1 - np.minimum(light * setting.dead_time * clock.hz, 0.9))
-    rate = np.maximum(rate - setting.dark_charge / threshold, 0.0)
-    lux = (rate / setting.rate(1.0)).astype(np.float32)
+    x = light / (1 - np.minimum(light * setting.dead_time * clock.hz, 0.9))
+    lux = (_lit(x, setting) / setting.rate(1.0)).astype(np.float32)
     camera = SpikeCamera(setting, None, tier="exact")
     words = np.array(
         camera.step(Light((Piece(-(2**40), 2**61, lux, lux),)), Block(0, cycles)).words
@@ -165,6 +164,16 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     if section.duplicated_rows:
         DuplicatedRows(section.duplicated_rows).duplicate(words)
     return Viform(words, cycles, clock)
+
+
+def _lit(x: Values, setting: CameraSetting) -> Values:
+    """The part of a rate without dead time, spikes a cycle, that is light's: by (1) of pattern.py
+    the mean of x over pixels is (L + D) times the mean of 1/(1 + f), which is 1 + fpn^2."""
+    pattern = setting.pattern
+    if pattern is None:
+        return x
+    dark = pattern.dark * float(setting.clock.period) / setting.threshold
+    return np.maximum(x / (1 + pattern.threshold_fpn**2) - dark, 0.0)
 
 
 def statistics(stream: Viform) -> dict[str, float]:
