@@ -80,18 +80,22 @@ class Twin:
     cycles: int
 
     @property
+    def told_by(self) -> list[str]:
+        """Names of the statistics that tell the recording from the twin."""
+        return [each.name for each in self.statistics if each.told]
+
+    @property
     def verdict(self) -> str:
         """The result in words."""
-        told = [each.name for each in self.statistics if each.told]
-        if not told:
+        if not self.told_by:
             return "the preset's films cannot be told from the recording"
-        return f"the recording can be told from the preset's films by {', '.join(told)}"
+        return f"the recording can be told from the preset's films by {', '.join(self.told_by)}"
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "verdict": self.verdict, "films": FILMS, "cycles": self.cycles, "level": LEVEL,
-            "told_by": [each.name for each in self.statistics if each.told],
+            "told_by": self.told_by,
             "statistics": [each._asdict() for each in self.statistics],
         }  # fmt: skip
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sensor.calibrate import twin
-from sensor.calibrate.page import preset_text
+from scenarios.cli.study.calibrate import _text
+from sensor.calibrate import page, twin
+from sensor.calibrate.page import preset_text, write_calibration
 from tests.sensor.calibrate.test_calibration import calibrated as of_random_camera
 from tests.sensor.calibrate.test_common import calibrated
 
@@ -86,3 +88,14 @@ def test_cameras_of_the_model_are_told_from_their_twins_as_often_as_stated(tmp_p
         compared = twin.compare_twin(*result.still, path)
         told += [(seed, compared.verdict)] if compared.document()["told_by"] else []
     assert len(told) <= 4, told
+
+
+def test_what_tells_the_twin_does_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    row = twin.Compared("Fano factor of 16 cycles", 0.03, 0.02, 0.001, 1e-5, True)
+    monkeypatch.setattr(page, "compare_twin", lambda *_: twin.Twin((row,), 992))
+    document = write_calibration(calibrated(), tmp_path, time.perf_counter())
+    assert "Fano factor of 16 cycles" in document["does_not_fit"][-1]
+    text = "\n".join(_text(calibrated(), document, tmp_path))
+    assert "what does not fit\n  nothing" not in text
+    report = (tmp_path / "report.html").read_text()
+    assert "within chance" not in report and "differ from the recording in Fano" in report
