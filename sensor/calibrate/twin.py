@@ -45,6 +45,8 @@ _APART: Final = 20
 """Columns between pixels whose counts are compared."""
 _SMOOTH: Final = 9
 """Rows over which the interval variance is averaged."""
+_DEAD: Final = -0.5
+"""Response of a dead pixel over that of its surroundings, less 1, at most."""
 Values = npt.NDArray[np.float64]
 
 
@@ -184,14 +186,16 @@ def statistics(stream: Viform) -> dict[str, float]:
     """The statistics of a recording of still light, by their names; those that it has."""
     laws, trains = measure_laws(stream), read_trains(stream, "")
     out = {"rate, spikes a cycle": float(trains.rate)}
-    out |= _of_intervals(trains, laws) | _of_counts(stream) | _of_pattern(laws)
+    # Dead pixels have a few spikes in the dark, whose noise is large; the pattern's tell of them.
+    lit = np.nan_to_num(laws.excess) > _DEAD
+    out |= _of_intervals(trains, laws, lit) | _of_counts(stream, lit) | _of_pattern(laws)
     out["pairs of duplicated rows"] = float(len(duplicated_rows(trains)))
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def _of_intervals(trains: Trains, laws: Laws) -> dict[str, float]:
-    """Statistics of intervals."""
-    many = trains.spikes > 8
+def _of_intervals(trains: Trains, laws: Laws, lit: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Statistics of intervals. lit: see `_of_counts`."""
+    many = (trains.spikes > 8) & lit.ravel()
     if not many.any():
         return {}
     squares, products = trains.successive(many)
@@ -218,26 +222,27 @@ def _of_intervals(trains: Trains, laws: Laws) -> dict[str, float]:
     return out
 
 
-def _of_counts(stream: Viform) -> dict[str, float]:
-    """Statistics of counts in time."""
+def _of_counts(stream: Viform, lit: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Statistics of counts in time. lit: (H, W) pixels whose own noise counts."""
     words = stream.read_words(0, stream.cycles // 32)
     halves = [np.bitwise_count(words & np.uint32(0xFFFF)), np.bitwise_count(words >> np.uint32(16))]
     counts = np.stack(halves, axis=1).reshape(-1, *stream.shape).astype(np.float32)
     off = counts - counts.mean(axis=0)
     alone, mean = np.asarray((off**2).mean(axis=0)), np.asarray(counts.mean(axis=0))
-    lit = np.nonzero(mean)
-    out = {"Fano factor of 16 cycles": float((alone[lit] / mean[lit]).mean())}
+    told = np.nonzero(lit & (mean > 0))
+    out = {"Fano factor of 16 cycles": float((alone[told] / mean[told]).mean())}
     whole = len(counts) // 4
     longer = counts[: 4 * whole].reshape(whole, 4, *stream.shape).sum(axis=1)
     if whole >= 4:
         variance = longer.var(axis=0, ddof=1)
-        out["Fano factor of 64 cycles"] = float((variance[lit] / longer.mean(axis=0)[lit]).mean())
+        ratio = variance[told] / longer.mean(axis=0)[told]
+        out["Fano factor of 64 cycles"] = float(ratio.mean())
         total = longer.sum(axis=(1, 2), dtype=np.float64)
         out["common noise of 64 cycles"] = float(total.var(ddof=1) / variance.sum())
     each = np.asarray(alone.sum(axis=1))
-    told = np.flatnonzero(each)
+    some = np.flatnonzero(each)
     rows = (off.sum(axis=2) ** 2).mean(axis=0)
-    out["variance of row sums over independent pixels"] = float((rows[told] / each[told]).mean())
+    out["variance of row sums over independent pixels"] = float((rows[some] / each[some]).mean())
     if stream.shape[1] > 2 * _APART:
         far = float((off[..., _APART:] * off[..., :-_APART]).mean() / alone.mean())
         out[f"covariance at {_APART} columns"] = far

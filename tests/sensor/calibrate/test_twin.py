@@ -11,6 +11,8 @@ import pytest
 from scenarios.cli.study.calibrate import _text
 from sensor.calibrate import page, twin
 from sensor.calibrate.page import preset_text, write_calibration
+from sensor.device.pattern import DevicePattern
+from tests.sensor.calibrate.simulated import Truth
 from tests.sensor.calibrate.test_calibration import calibrated as of_random_camera
 from tests.sensor.calibrate.test_common import calibrated
 
@@ -99,3 +101,15 @@ def test_what_tells_the_twin_does_not_fit(tmp_path: Path, monkeypatch: pytest.Mo
     assert "what does not fit\n  nothing" not in text
     report = (tmp_path / "report.html").read_text()
     assert "within chance" not in report and "differ from the recording in Fano" in report
+
+
+def test_spikes_of_dead_pixels_in_the_dark_are_not_noise() -> None:
+    """A flat does not tell dark current, so a twin's dead pixels are silent: a recording in which
+    they have some spikes must not differ by it from the same one without dead pixels."""
+    found = []
+    for dead in (0.02, 0.0):
+        pattern = DevicePattern(prnu=0.02, dark=2e5, dsnu=0.1, dead=dead, device_seed=3)
+        found.append(twin.statistics(Truth(900.0, 0.0, pattern, 0.0).record(0.3, 2048, 1)))
+    for name in ("variance of an interval, cycles^2", "Fano factor of 16 cycles",
+                 "Fano factor of 64 cycles"):  # fmt: skip
+        assert found[0][name] == pytest.approx(found[1][name], rel=0.01), name
