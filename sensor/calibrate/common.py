@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from sensor.calibrate.known import DEVIATIONS, Parameter, rooted
 from sensor.calibrate.noise import drift_covariance
-from sensor.calibrate.trains import Trains
+from sensor.calibrate.trains import LEAST_ROWS, SIGNIFICANT, Trains
 from sensor.device.pattern import CORRELATED
 
 Values = npt.NDArray[np.float64]
@@ -34,9 +34,6 @@ BLOCK: Final = 64
 _LEAST_SUMS: Final = 4
 _CHANCE: Final = 1e-3
 """Chance below which counts vary more than those of independent pixels."""
-_SIGNIFICANT: Final = 4.0
-"""Standard errors from which a part of the pattern, or a band, is taken as real."""
-_LEAST_ROWS: Final = 8
 
 
 def duplicated_rows(trains: Trains) -> tuple[tuple[int, int], ...]:
@@ -202,7 +199,7 @@ def measure_lines(trains: Trains, good: Pixels, shade: Values, squared: float) -
         squared: sigma^2 of an interval, for the noise of a pixel's rate.
     """
     height, width = trains.shape
-    if min(height, width) < _LEAST_ROWS:
+    if min(height, width) < LEAST_ROWS:
         return None
     rate = np.where(good, 1 / trains.intervals, np.nan)
     gain = (rate / np.nanmean(rate) - 1 - shade).reshape(height, width)
@@ -255,7 +252,7 @@ def line_parameters(lines: Lines | None) -> list[Parameter]:
     ):
         value, ci = rooted(square, error)
         out.append(Parameter(
-            name, title, value if square > _SIGNIFICANT * error / 2 else 0.0, ci, "1", True,
+            name, title, value if square > SIGNIFICANT * error / 2 else 0.0, ci, "1", True,
             "variance of their means, less that of their pixels",
         ))  # fmt: skip
     for name, title, (value, error) in (
@@ -263,7 +260,7 @@ def line_parameters(lines: Lines | None) -> list[Parameter]:
         ("neighbours_in_column", "correlation of neighbours in a column", lines.along_column),
     ):
         ci = (max(value - DEVIATIONS * error, -1.0), min(value + DEVIATIONS * error, 1.0))
-        told = value > _SIGNIFICANT * error
+        told = value > SIGNIFICANT * error
         out.append(Parameter(
             name, title, min(value, CORRELATED) if told else 0.0, ci, "1", True,
             "mean product of the responses of neighbours, less noise, rows and columns",
