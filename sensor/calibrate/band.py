@@ -17,14 +17,11 @@ import numpy.typing as npt
 
 from sensor.calibrate.histograms import sample_variance
 from sensor.calibrate.known import Parameter, rooted
-from sensor.calibrate.trains import Trains
+from sensor.calibrate.trains import LEAST_ROWS, SIGNIFICANT, Trains
 from sensor.latched.sampling import RowTiming
 
 Values = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.bool_]
-_SIGNIFICANT: Final = 4.0
-"""Standard errors from which a band is taken as real."""
-_LEAST_ROWS: Final = 8
 _WIDTHS: Final = tuple(float(w) for w in np.geomspace(3, 1000, 26))
 """Widths of a band that are tried, rows."""
 _CENTRES: Final = 101
@@ -68,7 +65,7 @@ def measure_band(
     height = trains.shape[0]
     misfit = _row_misfits(trains, good, squared, dead, _JITTERS)
     rows = np.flatnonzero(np.isfinite(misfit[:, 0]))
-    if rows.size < _LEAST_ROWS:
+    if rows.size < LEAST_ROWS:
         return None
     misfit, none = misfit[rows], float(misfit[rows, 0].sum())
     even = _between(misfit, _JITTERS, np.ones(rows.size), np.array(_JITTERS)).sum(axis=1)
@@ -81,7 +78,7 @@ def measure_band(
             if course.min() < best:
                 best, size = float(course.min()), _JITTERS[int(course.argmin())]
                 band = float(centre), wide
-    if none - best < (_SIGNIFICANT + 1) ** 2 * len(_TOGETHER):  # of many bands, the best
+    if none - best < (SIGNIFICANT + 1) ** 2 * len(_TOGETHER):  # of many bands, the best
         return None
     tried = size * np.linspace(0.6, 1.5, 91)
     known = (0.0, *(size * np.linspace(0.1, 1.5, 15)))
@@ -102,7 +99,7 @@ def measure_band(
                for n in range(_PARTS)]  # fmt: skip
     error = float(np.std(without)) * (_PARTS - 1) ** 0.5
     found = Band(least(each.sum(axis=1)), *band, 2 * size * error)
-    return found if found.jitter**2 > _SIGNIFICANT * found.error else None
+    return found if found.jitter**2 > SIGNIFICANT * found.error else None
 
 
 def _between(misfit: Values, sizes: Sequence[float], profile: Values, tried: Values) -> Values:
@@ -153,14 +150,14 @@ def band_pixels(band: Band, trains: Trains) -> Pixels:
     return np.repeat(profile > 0, width)
 
 
-def band_parameters(band: Band | None) -> list[Parameter]:
-    """Timing noise by row band."""
+def band_parameters(band: Band | None, mixed: bool) -> list[Parameter]:
+    """Timing noise by row band. mixed: whether sums have all phases, without which it has none."""
     title = "timing noise in the middle of a band of rows"
     if band is None:
         return [Parameter(
             "row_jitter", title, None, (None, None), "cycles", False,
-            "no band of rows has more timing noise than the others", "a longer recording of still "
-            "light",
+            "no band of rows has more timing noise than the others" if mixed else
+            "as timing noise of the latch", "a longer recording of still light",
         )]  # fmt: skip
     value, ci = rooted(band.jitter**2, band.error)
     why = "variance of sums of intervals beyond the noise that accumulates, by row"

@@ -290,9 +290,9 @@ class _Fits:
     def _band(self) -> Band | None:
         """The band of rows with timing noise, for the noise that is known so far."""
         noise = self.noise
-        return measure_band(
-            self.brightest, self.good, noise.squared.value, 0.0, noise.timing
-        )  # fmt: skip
+        if not noise.mixed:
+            return None
+        return measure_band(self.brightest, self.good, noise.squared.value, 0.0, noise.timing)
 
     @property
     def still(self) -> tuple[Trains, npt.NDArray[np.float64]]:
@@ -333,7 +333,7 @@ class _Fits:
             assert self.scene is not None
             limits = {"interval_noise", "threshold", "reset"}
             out += [p for p in moving_parameters(self.scene) if p.name not in limits]
-        out += [drift_parameter(self.drift), *band_parameters(self.band)]
+        out += [drift_parameter(self.drift), *band_parameters(self.band, self.noise.mixed)]
         out.append(duplicate_parameter(self.duplicated))
         out.append(reset_rule(brightest, self.good, self.noise.squared.value))
         return [*out, *outside_parameters(bool(self.flats))]

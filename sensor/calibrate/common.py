@@ -4,8 +4,9 @@ columns and neighbours.
 Drift: in sums of 64 cycles the counts of independent pixels add up to the sum of their variances.
 What the counts of all together vary beyond it is the gain's, whose law is that of
 sensor/latched/effects/drift.py: normal values KNOT cycles apart, linear in between. Its sample
-variance over the sums has a mean and a variance that follow from their covariance C, and takes the
-limits of a gamma law with these (Satterthwaite, Biometrics Bulletin 2:110, 1946).
+variance over the sums has a mean and a variance that follow from their covariance C and that of
+pixels, and takes the limits of a gamma law with these (Satterthwaite, Biometrics Bulletin 2:110,
+1946).
 
 Pattern: the mean products of the gains of neighbours, less noise, are their correlations, and the
 variances of the means of rows and columns are those of independent pixels, of neighbours, and of
@@ -23,7 +24,7 @@ import numpy.typing as npt
 
 from sensor.calibrate.known import DEVIATIONS, Parameter, rooted
 from sensor.calibrate.noise import drift_covariance
-from sensor.calibrate.trains import Trains
+from sensor.calibrate.trains import LEAST_ROWS, SIGNIFICANT, Trains
 from sensor.device.pattern import CORRELATED
 
 Values = npt.NDArray[np.float64]
@@ -33,9 +34,6 @@ BLOCK: Final = 64
 _LEAST_SUMS: Final = 4
 _CHANCE: Final = 1e-3
 """Chance below which counts vary more than those of independent pixels."""
-_SIGNIFICANT: Final = 4.0
-"""Standard errors from which a part of the pattern, or a band, is taken as real."""
-_LEAST_ROWS: Final = 8
 
 
 def duplicated_rows(trains: Trains) -> tuple[tuple[int, int], ...]:
@@ -106,20 +104,34 @@ def measure_drift(trains: Trains, good: Pixels) -> Drift | None:
         return None
     centred = np.eye(sums) - 1 / sums
     shape = centred @ drift_covariance(BLOCK, sums) @ centred
+    pixels = centred @ _neighbouring(each) @ centred
+    pixels *= alone / mean**2 * (sums - 1) / np.trace(pixels)
     scale = float(np.trace(shape)) / (sums - 1)
     squared = max(variance - alone, 0.0) / (mean**2 * scale)
-    known = bool(chi2.sf((sums - 1) * variance / alone, sums - 1) < _CHANCE)
+
+    def freedom(covariance: Values) -> float:
+        """Degrees of freedom of the sample variance of sums with this covariance."""
+        return float(np.trace(covariance) ** 2 / np.trace(covariance @ covariance))
 
     def limit(share: float, size: float) -> float:
         """Quantile of the sample variance with this drift, over that of independent pixels."""
-        one = centred * alone / mean**2 + size * shape
-        middle, spread = np.trace(one), 2 * np.trace(one @ one)
-        free = 2 * middle**2 / spread
-        return float(middle / (sums - 1) * chi2.ppf(share, free) / free)
+        one = pixels + size * shape
+        free = freedom(one)
+        return float(np.trace(one) / (sums - 1) * chi2.ppf(share, free) / free)
 
-    measured = variance / mean**2
+    measured, free = variance / mean**2, freedom(pixels)
+    known = bool(chi2.sf(free * variance / alone, free) < _CHANCE)
     low, high = (_root(limit, share, measured, squared) for share in (0.975, 0.025))
     return Drift(squared**0.5, (low or 0.0, high), known, variance / alone, sums)
+
+
+def _neighbouring(each: npt.NDArray[np.int64]) -> Values:
+    """Correlation of the sums of a pixel, (sums, sums): a spike that one of them gains, the next
+    one loses, so that neighbours have down to -1/2. each: (sums, pixels)."""
+    off = each - each.mean(axis=0)
+    alike = float((off[1:] * off[:-1]).sum() / (off**2).sum())
+    sums = len(each)
+    return np.eye(sums) + np.clip(alike, -0.5, 0.5) * (np.eye(sums, k=1) + np.eye(sums, k=-1))
 
 
 def _root(
@@ -154,8 +166,9 @@ def drift_parameter(drift: Drift | None) -> Parameter:
             "drift", "drift of the gain that all pixels have in common", None, (None, None), "1",
             False, "no recording of still light is long enough", "record 256 cycles or more",
         )  # fmt: skip
+    value, ci = (drift.size, drift.ci) if drift.known else (0.0, (0.0, drift.ci[1]))
     return Parameter(
-        "drift", "drift of the gain that all pixels have in common, RMS", drift.size, drift.ci, "1",
+        "drift", "drift of the gain that all pixels have in common, RMS", value, ci, "1",
         True, f"counts of all pixels in {drift.sums} sums of {BLOCK} cycles vary {drift.ratio:.3g} "
         "times as those of independent pixels",
     )  # fmt: skip
@@ -186,7 +199,7 @@ def measure_lines(trains: Trains, good: Pixels, shade: Values, squared: float) -
         squared: sigma^2 of an interval, for the noise of a pixel's rate.
     """
     height, width = trains.shape
-    if min(height, width) < _LEAST_ROWS:
+    if min(height, width) < LEAST_ROWS:
         return None
     rate = np.where(good, 1 / trains.intervals, np.nan)
     gain = (rate / np.nanmean(rate) - 1 - shade).reshape(height, width)
@@ -239,7 +252,7 @@ def line_parameters(lines: Lines | None) -> list[Parameter]:
     ):
         value, ci = rooted(square, error)
         out.append(Parameter(
-            name, title, value if square > _SIGNIFICANT * error / 2 else 0.0, ci, "1", True,
+            name, title, value if square > SIGNIFICANT * error / 2 else 0.0, ci, "1", True,
             "variance of their means, less that of their pixels",
         ))  # fmt: skip
     for name, title, (value, error) in (
@@ -247,7 +260,7 @@ def line_parameters(lines: Lines | None) -> list[Parameter]:
         ("neighbours_in_column", "correlation of neighbours in a column", lines.along_column),
     ):
         ci = (max(value - DEVIATIONS * error, -1.0), min(value + DEVIATIONS * error, 1.0))
-        told = value > _SIGNIFICANT * error
+        told = value > SIGNIFICANT * error
         out.append(Parameter(
             name, title, min(value, CORRELATED) if told else 0.0, ci, "1", True,
             "mean product of the responses of neighbours, less noise, rows and columns",

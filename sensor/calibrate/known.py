@@ -91,6 +91,9 @@ def proportion(count: int, total: int) -> tuple[float, tuple[float, float]]:
 
 _TOLD: Final = 2.0
 """Ratio of the limits of the threshold from which it counts as known."""
+_NOISE: Final = "temporal noise of an interval, relative"
+_OF_THRESHOLD: Final = "noise of the threshold (kTC and comparator), over the threshold"
+_LATCH: Final = "timing noise of the latch"
 _DARK: Final = "record with the lens capped: --dark DARK.dat"
 
 
@@ -101,9 +104,11 @@ def noise_parameters(noise: Noise, dead_error: float) -> list[Parameter]:
     """
     error = math.hypot(noise.squared.error, noise.slope * dead_error)
     squared = noise.squared.value
+    if not noise.mixed:
+        return _noise_bounds(math.sqrt(max(squared + DEVIATIONS * error, noise.most)))
     sigma, ci = rooted(squared, error)
     out = [Parameter(
-        "interval_noise", "temporal noise of an interval, relative", sigma, ci, "1", True,
+        "interval_noise", _NOISE, sigma, ci, "1", True,
         "growth of the variance of sums of k intervals with k; the latch's rounding does not grow",
     )]  # fmt: skip
     most = max(squared + DEVIATIONS * error, 1e-18)
@@ -129,18 +134,36 @@ def noise_parameters(noise: Noise, dead_error: float) -> list[Parameter]:
     loud = math.sqrt(max(most - (1 / high if high is not None else 0.0), 0.0))
     share = None if value is None else math.sqrt(max(squared - 1 / value, 0.0))
     out.append(Parameter(
-        "threshold_noise", "noise of the threshold (kTC and comparator), over the threshold",
+        "threshold_noise", _OF_THRESHOLD,
         share, (quiet, loud), "1", known,
         "temporal noise less the shot noise of the threshold in electrons"
         if known else "what shot noise leaves of the temporal noise; see threshold",
         "" if known else "as for threshold",
     ))  # fmt: skip
     jitter, limits = rooted(noise.jitter.value, noise.jitter.error)
+    if not noise.timing:
+        jitter, limits = 0.0, (0.0, limits[1])
     out.append(Parameter(
-        "latch_noise", "timing noise of the latch", jitter, limits, "cycles", True,
+        "latch_noise", _LATCH, jitter, limits, "cycles", True,
         "variance of an interval that does not grow with the number of intervals, beyond 1/6",
     ))  # fmt: skip
     return out
+
+
+def _noise_bounds(most: float) -> list[Parameter]:
+    """The parameters of noise where phases are not mixed. most: limit of sigma."""
+    why = (
+        "pixels are alike and nearly free of noise, so that the latch rounds their spikes alike; "
+        "rounding that is alike looks like noise, or hides it"
+    )
+    remedy = "a longer recording, or light that is not the same on all pixels"
+    return [
+        Parameter("interval_noise", _NOISE, None, (0.0, most), "1", False, why, remedy),
+        Parameter("threshold", "threshold", None, (1 / most**2, None), "e", False,
+                  "1/Q is at most the noise squared", f"{remedy}, and a light meter"),
+        Parameter("threshold_noise", _OF_THRESHOLD, None, (0.0, most), "1", False, why, remedy),
+        Parameter("latch_noise", _LATCH, None, (None, None), "cycles", False, why, remedy),
+    ]  # fmt: skip
 
 
 def pattern_parameters(

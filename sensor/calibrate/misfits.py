@@ -14,14 +14,12 @@ from sensor.calibrate.histograms import Histogram
 from sensor.calibrate.known import Parameter
 from sensor.calibrate.noise import Noise
 from sensor.calibrate.pattern import PatternFit
-from sensor.calibrate.trains import Trains
+from sensor.calibrate.trains import SIGNIFICANT, Trains
 from sensor.device.pattern import CORRELATED
 from sensor.latched.sampling import MOST_JITTER
 
 CHANCE: Final = 1e-4
 """Chance below which a deviation is named."""
-_STANDARD: Final = 4.0
-"""Standard errors from which one is named."""
 _SPREAD: Final = 0.5
 """Relative spread of the hot pixels' current from which it is not one current."""
 
@@ -72,7 +70,7 @@ def misfits(
         )
     if fit is not None:
         size, deviations = fit.misfit
-        if deviations > _STANDARD:
+        if deviations > SIGNIFICANT:
             out.append(
                 f"levels: rates of pixels are {size:.3g} times as far from one gain, one dark "
                 "current and one dead time as noise allows: response that is not linear, or light "
@@ -108,7 +106,7 @@ def _neighbours(
         if both.sum() < 50:
             continue
         correlation = float(np.corrcoef(a[both], b[both])[0, 1])
-        error = _STANDARD / np.sqrt(both.sum())
+        error = SIGNIFICANT / np.sqrt(both.sum())
         if correlation < -error or correlation > CORRELATED + error:
             out.append(
                 f"neighbours in {name}: responses correlate by {correlation:+.3f}: circuits "

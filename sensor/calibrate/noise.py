@@ -16,6 +16,10 @@ cubed, a normal one 0, and the latch adds none on average over the phase. So
 Its standard error grows as sigma^3, so it needs a small Q or very many spikes; 1/Q <= sigma^2 holds
 always. Pixels are independent, so every interval follows from the spread over pixels (sandwich
 estimate; White, Econometrica 50:1, 1982).
+
+All this takes the phases of sums as uniform. Noise that adds up over the recording makes them so,
+and so do pixels whose mean intervals differ. Pixels that are alike and nearly free of noise round
+alike in each sum: their rounding then looks like noise, or hides it, and neither can be known.
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sensor.calibrate.histograms import latched_third, sample_variance
-from sensor.calibrate.trains import Trains
+from sensor.calibrate.trains import SIGNIFICANT, Trains
 from sensor.latched.effects.drift import KNOT
 
 Values = npt.NDArray[np.float64]
@@ -42,11 +46,15 @@ _SETTLED: Final = 1e-9
 """Change of a fixed point over its value at which it is reached."""
 _NONE: Final = 1e-15
 """Square, or variance in cycles^2, below which one is none, and a change of it as well."""
-_SIGNIFICANT: Final = 4.0
-"""Standard errors from which timing noise of the latch is taken as real: one case in 16 000."""
 _DRIFTING: Final = 64
 """Cycles of the longest sum of intervals where the gain of all pixels drifts: those of the sums of
 counts that show the drift."""
+_STRAYED: Final = 0.5
+"""Variance of a pixel's last spike by its noise, cycles^2, from which its phase is its own: the
+first term of the latch's series is below exp(-pi^2)."""
+_APART: Final = 10.0
+"""Cycles by which the last spikes of pixels are apart, RMS, from which they have all phases, also
+in sums of a third of the recording."""
 _SATURATED: Final = 5.0
 """Standard deviations of an interval by which it must be longer than a cycle: a shorter one may
 hide a spike."""
@@ -72,6 +80,8 @@ class Level:
         slope: its derivative with respect to the dead time, 1/cycle.
         jitter: s^2, cycles^2; negative values are noise.
         third: 1/Q^2 by equation (1); None where sums are too few.
+        mixed: whether its sums have all phases.
+        most: sigma^2 from which they have by noise alone.
     """
 
     name: str
@@ -81,6 +91,8 @@ class Level:
     slope: float
     jitter: Estimate
     third: Estimate | None
+    mixed: bool
+    most: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +100,14 @@ class Noise:
     """Noise of a camera.
 
     Attributes:
-        levels: levels of the recordings.
+        levels: levels of the recordings; those whose sums have all phases, if there are any.
         squared: sigma^2, from all of them.
         slope: its derivative with respect to the dead time, 1/cycle.
         jitter: s^2, cycles^2.
         third: 1/Q^2; None if no recording tells.
         timing: whether the timing noise of the latch is significant, and taken off.
+        mixed: whether sums have all phases; without, the values are no estimates.
+        most: sigma^2 that could be overlooked without.
     """
 
     levels: tuple[Level, ...]
@@ -102,6 +116,8 @@ class Noise:
     jitter: Estimate
     third: Estimate | None
     timing: bool
+    mixed: bool
+    most: float
 
 
 def _weighted(parts: Sequence[Estimate]) -> tuple[Estimate, Values]:
@@ -145,18 +161,21 @@ def measure_noise(
     found = [level for level in (_level(*each, dead, False, drift) for each in recordings) if level]
     if not found:
         return None
+    mixed = any(level.mixed for level in found)
+    used = {level.name for level in found if level.mixed == mixed}
+    found = [level for level in found if level.name in used]
     jitter, _ = _weighted([level.jitter for level in found])
-    timing = jitter.value > _SIGNIFICANT * jitter.error
+    timing = mixed and jitter.value > SIGNIFICANT * jitter.error
     if timing:
-        found = [
-            level for level in (_level(*each, dead, True, drift) for each in recordings) if level
-        ]
+        again = (_level(*each, dead, True, drift) for each in recordings if each[0].name in used)
+        found = [level for level in again if level]
         jitter, _ = _weighted([level.jitter for level in found])
     squared, weights = _weighted([level.squared for level in found])
     thirds = [level.third for level in found if level.third is not None]
     return Noise(
         tuple(found), squared, float(weights @ [level.slope for level in found]), jitter,
-        _weighted(thirds)[0] if thirds else None, timing,
+        _weighted(thirds)[0] if thirds else None, timing, mixed,
+        min(level.most for level in found),
     )  # fmt: skip
 
 
@@ -209,7 +228,15 @@ def _level(
         jitter = Estimate((short.value - whole.value) * scale, error)
     shifted = _Sum(trains, good, long.k, fewest, dead + 0.01, drift).solve(2 * added.value).value
     slope = (shifted - long.solve(2 * added.value).value) / 0.01
-    return Level(trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared))
+    most = _STRAYED / (fewest * (typical - dead) ** 2)
+    low, high = np.quantile(mean[one.pixels], (0.16, 0.84))
+    mixed = bool(
+        estimate.value + 2 * estimate.error > most
+        or trains.cycles * (high - low) / 2 > _APART * typical
+    )
+    return Level(
+        trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared), mixed, most
+    )
 
 
 class _Sum:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import html
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -128,7 +129,7 @@ def preset_text(result: Calibration) -> str | None:
         sensor["duplicated_rows"] = [list(pair) for pair in result.duplicated]
     for name in ("drift", "row_jitter", "row_band", "row_band_width"):
         value = found[name].value if name in found else None
-        if isinstance(value, float) and (name != "drift" or found[name].ci[0]):
+        if isinstance(value, float) and (name != "drift" or value):
             most = {"row_jitter": MOST_JITTER, "drift": 0.1}.get(name, value)  # those of the keys
             sensor[name] = min(value, most)
     pattern: dict[str, Any] = {}
@@ -221,7 +222,7 @@ def _cards(result: Calibration) -> list[Card]:
 
 
 def _wrong(result: Calibration, known: Twin | None) -> str:
-    twin = "" if known is None else f"{_sentence(known)} "
+    twin = "" if known is None or known.told_by else f"{_sentence(known)} "  # else in the list
     limits = "The limits of each parameter are in the tables. "
     if not result.histograms:
         constant = {"flat", "scene"} & set(result.roles.values())
@@ -229,7 +230,7 @@ def _wrong(result: Calibration, known: Twin | None) -> str:
             "Too few intervals are of constant light and of rows without timing noise, so those of "
             "the model were not compared with them." if constant else
             "No recording is of constant light, so the model could not be compared with one."
-        ))  # fmt: skip
+        )) + listed(result.does_not_fit)  # fmt: skip
     off = max(histogram.off for histogram in result.histograms)
     text = (
         "of the intervals of a recording are longer or shorter than in the model with these "
@@ -280,6 +281,9 @@ def write_calibration(result: Calibration, folder: Path, began: float) -> dict[s
     twin = None
     if preset is not None and result.still is not None:
         twin = compare_twin(*result.still, folder / "camera.toml")
+        if told := twin.told_by:
+            line = f"films of the preset: they differ from the recording in {', '.join(told)}"
+            result = replace(result, does_not_fit=(*result.does_not_fit, line))
     data = None
     if result.histograms:
         data = intervals_figure(result.histograms, folder / _FIGURE)
@@ -330,6 +334,9 @@ def _sections(
             "those of the camera. The covariance of the difference is that of pixels.</p>",
             plot(folder / _FIGURE, "interval histograms of recording and model", data),
             table(["recording", "spikes a cycle", "chi-square", "bins", "p", "misplaced"], rows),
+        ]
+    if result.histograms or fits:
+        body += [
             "<h2>What does not fit</h2>",
             fits or "<p>Nothing: all deviations are within chance.</p>",
         ]

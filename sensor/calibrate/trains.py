@@ -16,6 +16,10 @@ from cosim.spikes.viform import SpikeStream, words_for
 
 LEAST_CYCLES: Final = 64
 """Shortest recording that is read, cycles; a pixel at 0.3 spikes a cycle then has 19 spikes."""
+LEAST_ROWS: Final = 8
+"""Fewest rows whose differences are measured."""
+SIGNIFICANT: Final = 4.0
+"""Standard errors from which what is measured is taken as real: one case in 16 000."""
 _BYTES: Final = 1 << 30
 """Bytes of a stream that are read at most."""
 WINDOW: Final = 8

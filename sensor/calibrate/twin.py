@@ -45,6 +45,8 @@ _APART: Final = 20
 """Columns between pixels whose counts are compared."""
 _SMOOTH: Final = 9
 """Rows over which the interval variance is averaged."""
+_DEAD: Final = -0.5
+"""Response of a dead pixel over that of its surroundings, less 1, at most."""
 Values = npt.NDArray[np.float64]
 
 
@@ -80,18 +82,22 @@ class Twin:
     cycles: int
 
     @property
+    def told_by(self) -> list[str]:
+        """Names of the statistics that tell the recording from the twin."""
+        return [each.name for each in self.statistics if each.told]
+
+    @property
     def verdict(self) -> str:
         """The result in words."""
-        told = [each.name for each in self.statistics if each.told]
-        if not told:
+        if not self.told_by:
             return "the preset's films cannot be told from the recording"
-        return f"the recording can be told from the preset's films by {', '.join(told)}"
+        return f"the recording can be told from the preset's films by {', '.join(self.told_by)}"
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "verdict": self.verdict, "films": FILMS, "cycles": self.cycles, "level": LEVEL,
-            "told_by": [each.name for each in self.statistics if each.told],
+            "told_by": self.told_by,
             "statistics": [each._asdict() for each in self.statistics],
         }  # fmt: skip
 
@@ -155,9 +161,8 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     setting = CameraSetting(
         section.own_chip, clock, threshold, seed, reset=section.reset, parameters=parameters
     )
-    rate = light / (1 - np.minimum(light * setting.dead_time * clock.hz, 0.9))
-    rate = np.maximum(rate - setting.dark_charge / threshold, 0.0)
-    lux = (rate / setting.rate(1.0)).astype(np.float32)
+    x = light / (1 - np.minimum(light * setting.dead_time * clock.hz, 0.9))
+    lux = (_lit(x, setting) / setting.rate(1.0)).astype(np.float32)
     camera = SpikeCamera(setting, None, tier="exact")
     words = np.array(
         camera.step(Light((Piece(-(2**40), 2**61, lux, lux),)), Block(0, cycles)).words
@@ -167,18 +172,30 @@ def film_preset(preset: Path, light: Values, cycles: int, seed: int) -> Viform:
     return Viform(words, cycles, clock)
 
 
+def _lit(x: Values, setting: CameraSetting) -> Values:
+    """The part of a rate without dead time, spikes a cycle, that is light's: by (1) of pattern.py
+    the mean of x over pixels is (L + D) times the mean of 1/(1 + f), which is 1 + fpn^2."""
+    pattern = setting.pattern
+    if pattern is None:
+        return x
+    dark = pattern.dark * float(setting.clock.period) / setting.threshold
+    return np.maximum(x / (1 + pattern.threshold_fpn**2) - dark, 0.0)
+
+
 def statistics(stream: Viform) -> dict[str, float]:
     """The statistics of a recording of still light, by their names; those that it has."""
     laws, trains = measure_laws(stream), read_trains(stream, "")
     out = {"rate, spikes a cycle": float(trains.rate)}
-    out |= _of_intervals(trains, laws) | _of_counts(stream) | _of_pattern(laws)
+    # Dead pixels have a few spikes in the dark, whose noise is large; the pattern's tell of them.
+    lit = np.nan_to_num(laws.excess) > _DEAD
+    out |= _of_intervals(trains, laws, lit) | _of_counts(stream, lit) | _of_pattern(laws)
     out["pairs of duplicated rows"] = float(len(duplicated_rows(trains)))
     return {name: value for name, value in out.items() if np.isfinite(value)}
 
 
-def _of_intervals(trains: Trains, laws: Laws) -> dict[str, float]:
-    """Statistics of intervals."""
-    many = trains.spikes > 8
+def _of_intervals(trains: Trains, laws: Laws, lit: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Statistics of intervals. lit: see `_of_counts`."""
+    many = (trains.spikes > 8) & lit.ravel()
     if not many.any():
         return {}
     squares, products = trains.successive(many)
@@ -205,26 +222,27 @@ def _of_intervals(trains: Trains, laws: Laws) -> dict[str, float]:
     return out
 
 
-def _of_counts(stream: Viform) -> dict[str, float]:
-    """Statistics of counts in time."""
+def _of_counts(stream: Viform, lit: npt.NDArray[np.bool_]) -> dict[str, float]:
+    """Statistics of counts in time. lit: (H, W) pixels whose own noise counts."""
     words = stream.read_words(0, stream.cycles // 32)
     halves = [np.bitwise_count(words & np.uint32(0xFFFF)), np.bitwise_count(words >> np.uint32(16))]
     counts = np.stack(halves, axis=1).reshape(-1, *stream.shape).astype(np.float32)
     off = counts - counts.mean(axis=0)
     alone, mean = np.asarray((off**2).mean(axis=0)), np.asarray(counts.mean(axis=0))
-    lit = np.nonzero(mean)
-    out = {"Fano factor of 16 cycles": float((alone[lit] / mean[lit]).mean())}
+    told = np.nonzero(lit & (mean > 0))
+    out = {"Fano factor of 16 cycles": float((alone[told] / mean[told]).mean())}
     whole = len(counts) // 4
     longer = counts[: 4 * whole].reshape(whole, 4, *stream.shape).sum(axis=1)
     if whole >= 4:
         variance = longer.var(axis=0, ddof=1)
-        out["Fano factor of 64 cycles"] = float((variance[lit] / longer.mean(axis=0)[lit]).mean())
+        ratio = variance[told] / longer.mean(axis=0)[told]
+        out["Fano factor of 64 cycles"] = float(ratio.mean())
         total = longer.sum(axis=(1, 2), dtype=np.float64)
         out["common noise of 64 cycles"] = float(total.var(ddof=1) / variance.sum())
     each = np.asarray(alone.sum(axis=1))
-    told = np.flatnonzero(each)
+    some = np.flatnonzero(each)
     rows = (off.sum(axis=2) ** 2).mean(axis=0)
-    out["variance of row sums over independent pixels"] = float((rows[told] / each[told]).mean())
+    out["variance of row sums over independent pixels"] = float((rows[some] / each[some]).mean())
     if stream.shape[1] > 2 * _APART:
         far = float((off[..., _APART:] * off[..., :-_APART]).mean() / alone.mean())
         out[f"covariance at {_APART} columns"] = far

@@ -118,9 +118,9 @@ def _text(result: Calibration, document: dict[str, Any], folder: Path) -> list[s
     for p in unknown:
         limits = f", {p.text}" if p.text else ""
         lines.append(f"  {p.title}{limits}: {p.why}; {p.remedy}")
-    if result.histograms:
-        lines += ["", "what does not fit"]
-        lines += [f"  {line}" for line in result.does_not_fit or ("nothing",)]
+    fits = document["does_not_fit"]
+    if result.histograms or fits:
+        lines += ["", "what does not fit", *(f"  {line}" for line in fits or ("nothing",))]
     lines += ["", *result.notes] if result.notes else [""]
     if document["twin"] is not None:
         lines.append(document["twin"]["verdict"])
