@@ -184,10 +184,10 @@ def losses(stream: SpikeStream, path: Path, ending: str, head: bool = False) -> 
     """One line for each property that is lost in writing `stream` to `path`."""
     notes = []
     said: Any = getattr(stream, "ancillary", None)
-    if ending != ".npz" and said:
+    if ending not in (".npz", ".vfl") and said:
         notes.append(
             f"{path} does not keep what the chip says beyond its spikes (register writes, charges "
-            "below threshold): an .npz does"
+            "below threshold): an .npz and a .vfl do"
         )
     if ending not in _CLOCKS:
         return notes

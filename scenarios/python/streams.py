@@ -19,7 +19,7 @@ from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities, write_intensities
 from cosim.spikes.ancillary import Ancillary
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
-from scenarios.assemble.source.latched.dim import dim_of_run, said_by_run
+from scenarios.assemble.source.latched.dim import dim_of_run, registers_in, said_by_run
 from scenarios.assemble.source.recording.opening import FASTEST
 from scenarios.python.errors import in_python
 from scenarios.python.frames import is_whole
@@ -170,7 +170,8 @@ def reconstruct(
             this spike ends, "before", or the one that it begins, "after".
 
     Returns:
-        (H, W) float32: spikes a cycle; for tau, its levels from 0 to 255.
+        (H, W) float32: spikes a cycle, of the nominal threshold if it is written in the stream;
+        for tau, its levels from 0 to 255.
 
     Raises:
         InputError: another method, or an instant or window that the stream does not have.
@@ -190,6 +191,8 @@ def reconstruct(
         span = interval_span(opened, cycle, window, preceding=preceding)
         return tau_levels(isi(opened, cycle, span, ties)).astype(np.float32)
     light = dim_of_run(opened.path) if isinstance(opened, Stream) else None
+    registers = registers_in(opened, opened.path if isinstance(opened, Stream) else None)
     return image_of(
-        opened, method, cycle, window, preceding=preceding, ties=ties, dim_light=light
-    ).rate
+        opened, method, cycle, window, preceding=preceding, ties=ties, dim_light=light,
+        registers=registers,
+    ).rate  # fmt: skip

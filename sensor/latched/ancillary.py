@@ -9,7 +9,7 @@ interval.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Final, Protocol
 
@@ -20,7 +20,7 @@ from numba import njit
 from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite, bits
 from cosim.spikes.viform import WORD, Viform
 from cosim.stage import Block, State
-from sensor.latched.writes import Phase
+from sensor.latched.writes import Phase, Registers
 
 MOST_DARK: Final = 2**24
 """Cycles up to which a display knows the age of a pixel; no run shows a longer interval."""
@@ -77,6 +77,22 @@ def writes_of(phases: Sequence[Phase], threshold: float, height: int) -> tuple[R
     nominal = RegisterWrite(0, 1.0, (0, height))
     writes = [RegisterWrite(p.start, p.threshold / threshold, p.window) for p in phases]
     return tuple(write for write in writes if write != nominal)
+
+
+def registers_of(several: Iterable[Ancillary], height: int, start: int = 0) -> Registers | None:
+    """Thresholds and windows of a stream, relative to its nominal threshold; None without writes.
+
+    Args:
+        several: what its source says.
+        height: rows of the stream.
+        start: number of its first cycle; those of the registers count from it.
+    """
+    writes = [each for each in several if isinstance(each, RegisterWrite)]
+    phases = [Phase(each.cycle - start, each.packet, each.rows) for each in writes]
+    if not phases:
+        return None
+    first = [] if phases[0].start == 0 else [Phase(0, 1.0, (0, height))]
+    return Registers((*first, *phases), 1.0, height)
 
 
 class AncillaryStage:

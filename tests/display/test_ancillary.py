@@ -20,10 +20,14 @@ from cosim.spikes.ancillary import (
     to_arrays,
 )
 from cosim.spikes.viform import pack_planes, unpack_planes
+from cosim.stage import blocks
 from display import CameraPlane, DisplaySetting, SpikePanel
+from display.chain.display import PanelStage
+from display.chain.tap import spike_waves
 from display.core import CalledDisplay
 from display.drives import DRIVES
 from display.plan.pixels import PanelPixels
+from display.render.golden import GoldenRenderer
 
 CLOCK = Clock(40_000)
 SHAPE = (6, 40)
@@ -182,6 +186,58 @@ def test_charges_are_a_part_of_the_packets(drive: str, renderer: str) -> None:
     assert seen.mean() == pytest.approx(rate.mean(), rel=0.02)
     twice = (planes[1600:].sum(axis=0) + sum(e.gain for e in told[50:]) / levels) / (cycles - 1600)
     assert twice.mean() > 1.3 * rate.mean()
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("kind", ["writes", "charges"])
+def test_a_display_goes_on_from_a_state(drive: str, kind: str) -> None:
+    """At blocks before and after ancillary data, also between a block and the planes drawn."""
+    rate = np.linspace(0.002, 0.2, SHAPE[0] * SHAPE[1]).reshape(SHAPE)
+    cycles = 320
+    if kind == "charges":
+        source = Source(*charges(rate / 10, 40, 100, cycles))
+    else:
+        written = [RegisterWrite(70, 0.5, (0, 6)), RegisterWrite(200, 0.25, (1, 5))]
+        source = Source(fired(rate, np.repeat([1, 0.5, 0.25], [70, 130, 120])), written)
+    charged = kind == "charges"
+    made = SpikePanel(SHAPE, CLOCK, WHITE, drive, residues=charged, rise=4e-6, row_scan=0.0)
+    eye = CameraPlane((CLOCK.middle(160),), CLOCK.edge(320))
+    setting = DisplaySetting(made, eye)
+
+    def stage() -> PanelStage:
+        points = [(2, 3, "a"), (4, 30, "b")]
+        return PanelStage(
+            setting, {"eye": eye}, None, cycles, lambda images: GoldenRenderer(made, 1, images),
+            points=points,
+        )  # fmt: skip
+
+    whole = stage()
+    for each in blocks(cycles, 32):
+        whole.step(source.step(None, each), each)
+    for cut in (32, 64, 96, 192, 224):
+        first, second = stage(), stage()
+        for each in blocks(cycles, 32):
+            if each.start == cut:
+                second.restore(first.state())
+                first = second
+            first.step(source.step(None, each), each)
+        np.testing.assert_array_equal(first.images["eye"], whole.images["eye"])
+        assert (first.fired, first.packets, first.emitted) == (
+            whole.fired, whole.packets, whole.emitted
+        )  # fmt: skip
+        assert [each.cycle for each in first.told] == [each.cycle for each in whole.told]
+    # The light of single pixels over time, as the report draws it, adds up to that of the panel.
+    words = pack_planes(source._planes)
+    _, waves = spike_waves(
+        Viform(words, cycles, CLOCK), made, [(2, 3), (4, 30)], made.start(cycles), whole.told
+    )  # fmt: skip
+    eye = CameraPlane((made.start(160),), 320 * 25_000_000)
+    panel = PanelStage(
+        setting, {"eye": eye}, None, cycles, lambda images: GoldenRenderer(made, 1, images)
+    )
+    panel.step(Viform(words, cycles, CLOCK, 0, tuple(source._ancillary)), Block(0, cycles))
+    for place, wave in zip(((2, 3), (4, 30)), waves.T, strict=True):
+        assert wave.mean() == pytest.approx(panel.images["eye"][0][place], rel=0.01, abs=1e-4)
 
 
 def test_bits_are_those_of_planes() -> None:

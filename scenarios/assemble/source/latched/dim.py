@@ -24,8 +24,9 @@ from sensor.dynamic_range import (
     seen_dark_share,
     spike_dynamic_range,
 )
-from sensor.latched.ancillary import MOST_DARK, AncillaryStage
+from sensor.latched.ancillary import MOST_DARK, AncillaryStage, registers_of
 from sensor.latched.reading import ReadingCamera
+from sensor.latched.writes import Registers
 from sensor.reconstruct.readings import (
     READINGS,
     DimLight,
@@ -266,3 +267,13 @@ def said_by_run(folder: Path) -> Said | None:
     if readings is not None and not readings.every:  # a run of less than the time between two
         readings = None
     return Said(found[1], readings, dark_cycles(*found))
+
+
+def registers_in(stream: SpikeStream, path: Path | None) -> Registers | None:
+    """Thresholds and windows that are written in a stream; None for none. path: its file, or the
+    folder of its run; None for a stream in memory."""
+    said = None if path is None else said_by_run(path)
+    if said is not None:
+        return said.setting.registers
+    told, start = getattr(stream, "ancillary", ()), int(getattr(stream, "start", 0))
+    return registers_of(told, stream.shape[0], start)

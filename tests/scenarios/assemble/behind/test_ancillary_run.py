@@ -185,6 +185,34 @@ def test_a_board_displays_the_planes_of_what_is_said(tmp_path, says):
     assert metrics["sink_planes"] == 400 and metrics["sink_crc_wrong"] == 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("says", ["writes", "dark"])
+@pytest.mark.parametrize("sink", ["display", "link, display", "link, board"])
+def test_a_board_says_it_too(tmp_path, says, sink):
+    """The host writes the registers of the board; behind it is what is behind a simulated chip."""
+    data = data_of(says, {
+        "display": DISPLAY, "link, display": DISPLAY | LINK, "link, board": BOARD | LINK,
+    }[sink])  # fmt: skip
+    data |= {"duration": "10 ms", "scene": {"kind": "step", "illuminance": "700 lux",
+             "at": "0 s", "after": 1}}  # fmt: skip
+    del data["sensor"]["width"], data["sensor"]["height"]
+    data["sensor"] |= {"source": "serial:virtual"}
+    result, metrics, machine = run(data, tmp_path / "a")
+    assert result.outcome == "ok" and metrics["board_bits_wrong"] == 0
+    if "link" in sink:
+        assert metrics["dropped_spikes"] == metrics["added_spikes"] == 0
+    if "board" in sink:
+        assert metrics["sink_planes"] == 400 and metrics["sink_crc_wrong"] == 0
+        return
+    shown, true = seen(machine)
+    if says == "writes":
+        assert shown[1].mean() == pytest.approx(shown[0].mean(), rel=0.06)
+        assert shown[2, 8:24].mean() == pytest.approx(shown[1, 8:24].mean(), rel=0.03)
+        assert np.all(shown[2, :8] == 0)
+    else:
+        assert np.all(shown[:, true[0] * BRIGHT < 1 / 20] == 0) and shown.max() > 0.5
+
+
 @pytest.mark.parametrize("says", ["writes", "charges", "dark"])
 def test_a_run_is_played_again_with_what_its_chip_said(tmp_path, says, capsys):
     """From the folder of the run: the light is that of the run, to the last bit. Its stream by
@@ -198,13 +226,15 @@ def test_a_run_is_played_again_with_what_its_chip_said(tmp_path, says, capsys):
         }  # fmt: skip
         return run(data, tmp_path / name)
 
-    if says != "dark":  # an .npz keeps it, and a .dat says that it does not
-        assert _main(["convert", f"{tmp_path}/a", f"{tmp_path}/a.npz"]) == 0
-        assert _main(["convert", f"{tmp_path}/a", f"{tmp_path}/a.vfl"]) == 0
+    if says != "dark":  # an .npz and a .vfl keep it, and others say that they do not
+        for ending in ("npz", "vfl"):
+            assert _main(["convert", f"{tmp_path}/a", f"{tmp_path}/a.{ending}"]) == 0
+            _, _, copied = again(ending, tmp_path / f"a.{ending}")
+            light = copied.behind.screen.chain.images()[SPIKE]["camera"]
+            np.testing.assert_allclose(light, seen(here)[0], atol=1e-6)
+        assert "does not keep" not in capsys.readouterr().err
+        assert _main(["convert", f"{tmp_path}/a.vfl", f"{tmp_path}/a.fsc"]) == 0
         assert "does not keep what the chip says beyond its spikes" in capsys.readouterr().err
-        _, _, copied = again("d", tmp_path / "a.npz")
-        light = copied.behind.screen.chain.images()[SPIKE]["camera"]
-        np.testing.assert_allclose(light, seen(here)[0], atol=1e-6)
         viform.save(viform.open(tmp_path / "a"), tmp_path / "b.npz")
         assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     _, played, there = again("b", tmp_path / "a")
@@ -241,6 +271,35 @@ def test_a_display_in_python_follows_the_writes_of_a_camera():
             assert len(seen) == len(at)
             for image in seen:
                 assert image.mean() == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("method", ["tfp", "tfi"])
+def test_images_have_the_light_of_the_nominal_threshold(tmp_path, method):
+    """From the folder of a run, from an .npz, and those of the run itself."""
+    data = data_of("writes", {}) | {"image": {"at": AT, "window": 41}}
+    run(data, tmp_path / "a")
+    assert _main(["convert", f"{tmp_path}/a", f"{tmp_path}/a.npz"]) == 0
+    light = {}
+    for at in AT:
+        for source in ("a", "a.npz"):
+            words = ["--at", f"{at}", "--method", method, "--scale", f"{BRIGHT}", "--out"]
+            out = tmp_path / f"{source}-{at}.png"
+            own = ["--window", "41"] if method == "tfp" else []
+            assert _main(["image", f"{tmp_path}/{source}", *words, f"{out}", *own]) == 0
+        of_run = tmp_path / "a" / "images" / f"{method}-{at:05d}.png"
+        assert out.read_bytes() == of_run.read_bytes()
+        assert out.read_bytes() == (tmp_path / f"a-{at}.png").read_bytes()
+        light[at] = viform.reconstruct(viform.open(tmp_path / "a"), at, method)
+    inside = slice(8, 24)
+    for at in AT[1:]:
+        assert light[at][inside].mean() == pytest.approx(light[AT[0]][inside].mean(), rel=0.05)
+    assert np.all(light[AT[2]][:8] == 0)
+    spikes = viform.open(tmp_path / "a.npz")[96:]
+    part = viform.reconstruct(spikes, AT[1] - 96, method)
+    if method == "tfp":
+        np.testing.assert_allclose(part, light[AT[1]], rtol=1e-6)
+    else:
+        assert part[inside].mean() == pytest.approx(light[AT[1]][inside].mean(), rel=0.01)
 
 
 @pytest.mark.parametrize("says", ["writes", "charges", "dark"])
