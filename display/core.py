@@ -8,7 +8,7 @@ motion and checkpoints, so both give the same bits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Final
@@ -18,11 +18,13 @@ import numpy.typing as npt
 
 from cosim.compute.opencl import Device
 from cosim.plan.effects import Kind
+from cosim.spikes.ancillary import Ancillary
 from cosim.spikes.viform import WORD, Words
 from cosim.stage import Stage, blocks
 from display.observe.observers import STAGES, eye_time
 from display.observe.views import Observer, Views, panel_views
 from display.panels.panel import SpikePanel
+from display.render.ancillary import Follower
 from display.render.factory import DRAW, AnyRenderer, make_renderer
 from display.render.kinds import RendererKind
 from display.render.opencl import OpenCLRenderer
@@ -82,6 +84,7 @@ class LiveDisplay:
             that its errors come first.
         mapping: maps words of the stream to words of the panel; None for equal sizes.
         others: number of images of the renderer besides those of the observers.
+        stream: (height, width) of the stream, for one with writes; None for one without.
 
     Attributes:
         renderer: draws the panel.
@@ -94,22 +97,31 @@ class LiveDisplay:
         renderer: Callable[[int], AnyRenderer],
         mapping: Mapped | None = None,
         others: int = 0,
+        stream: tuple[int, int] | None = None,
     ) -> None:
+        self._stream = stream
         self._batch, self._observers = setting.batch, dict(observers)
         self._panel, self._mapping = setting.simulated_panel, mapping
         self._own = sum(observer.images for observer in self._observers.values())
         self.renderer = renderer(self._own + others)
+        self._follower = Follower(self.renderer, self._panel, mapping, stream)
+        self._ahead: list[Ancillary] = []  # ancillary data of planes that are not rendered yet
         self._waiting: list[Words] = []  # words that are not rendered yet
         self._first = self._planes = 0  # first plane and number of planes of `_waiting`
 
-    def push(self, words: Words, cycles: int, *, last: bool = False) -> None:
+    def push(
+        self, words: Words, cycles: int, *, last: bool = False,
+        ancillary: Sequence[Ancillary] = (),
+    ) -> None:  # fmt: skip
         """Takes the next cycles of the stream.
 
         Args:
             words: (ceil(cycles / 32), height, width) uint32 of the stream; bits beyond are 0.
             cycles: number of cycles; whole words, except at the end.
             last: whether the stream ends with them.
+            ancillary: what the source says in these cycles, in their order.
         """
+        self._ahead += ancillary
         self._waiting.append(words if self._mapping is None else self._mapping(words))
         self._planes += cycles
         # The next block cannot continue an incomplete word.
@@ -119,11 +131,17 @@ class LiveDisplay:
     def _draw(self) -> None:
         words = self._waiting[0] if len(self._waiting) == 1 else np.concatenate(self._waiting)
         first, planes = self._first, self._planes
+        ahead, self._ahead = self._ahead, []
         self._waiting, self._first, self._planes = [], first + planes, 0
-        self._render(words, first, planes)
+        for part, begin, count in self._follower.parts(words, planes, first, ahead):
+            self._render(part, begin, count)
 
     def _render(self, words: Words, first: int, planes: int) -> None:
-        self.renderer.step(words, planes, Views.joined(self._views(first, planes)))
+        views = Views.joined(self._views(first, planes))
+        packet = self._follower.packet
+        if packet != 1.0:
+            views = replace(views, weight=views.weight * packet, slope=views.slope * packet)
+        self.renderer.step(words, planes, views)
 
     def _views(self, first: int, planes: int) -> list[Views]:
         """The views of all images for planes `first` to `first + planes`."""
@@ -186,7 +204,11 @@ class CalledDisplay:
         """
         bare = _bare(setting.simulated_panel)
         display = LiveDisplay(
-            setting, observers, lambda images: self._renderer(bare, setting.batch, images), mapping
+            setting,
+            observers,
+            lambda images: self._renderer(bare, setting.batch, images),
+            mapping,
+            stream=getattr(source, "shape", None),
         )
         renderer = display.renderer
         try:
@@ -196,7 +218,9 @@ class CalledDisplay:
                 size = max(DRAW, min(_TOGETHER, _BITS // pixels // DRAW * DRAW))
             for block in blocks(cycles, size):
                 part = source.step(None, block)
-                display.push(part.words, part.cycles, last=block.stop == cycles)
+                display.push(
+                    part.words, part.cycles, last=block.stop == cycles, ancillary=part.ancillary
+                )
             seen = display.take()
         except BaseException:
             renderer.close()

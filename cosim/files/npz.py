@@ -1,13 +1,17 @@
 """`.npz`: a whole stream as one numpy archive, for use in other programs.
 
 An archive of this project has `words` (n, H, W) uint32, `cycles`, `clock` (numerator, denominator
-in Hz) and `start`. Archives of other programs with one (T, H, W) array of 0 and 1 are read as well.
+in Hz) and `start`, and what its source says beyond the spikes under names that begin with
+`ancillary/` (`cosim.spikes.ancillary.to_arrays`). Archives of other programs with one (T, H, W)
+array of 0 and 1 are read as well.
 """
 
 from __future__ import annotations
 
+import math
 from operator import index
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -16,7 +20,25 @@ from cosim.clock import Clock
 from cosim.errors import InputError
 from cosim.files.atomic import atomic_write
 from cosim.files.dat import DAT_CLOCK
+from cosim.spikes.ancillary import RegisterWrite, from_arrays, to_arrays
 from cosim.spikes.viform import WORD, SpikeStream, Viform, pack_planes, words_for
+
+_ANCILLARY: Final = "ancillary/"
+
+
+def _check_ancillary(stream: Viform) -> None:
+    """Raises ValueError for ancillary data that do not belong to a stream."""
+    height = stream.shape[0]
+    for each in stream.ancillary:
+        fits = stream.start <= each.cycle < stream.start + stream.cycles
+        if isinstance(each, RegisterWrite):
+            fits = fits and 0 <= each.rows[0] <= each.rows[1] <= height
+            fits = fits and math.isfinite(each.packet) and each.packet > 0
+        else:
+            fits = fits and each.gain.shape == stream.shape and min(each.span, each.levels) > 0
+            fits = fits and int(each.gain.max()) <= each.levels
+        if not fits:
+            raise ValueError(f"ancillary data of cycle {each.cycle} must fit its planes")
 
 
 def write_npz(stream: SpikeStream, path: Path) -> None:
@@ -28,6 +50,8 @@ def write_npz(stream: SpikeStream, path: Path) -> None:
         archive.write("cycles", np.int64(stream.cycles))
         archive.write("clock", np.array([stream.clock.num, stream.clock.den], np.int64))
         archive.write("start", np.int64(getattr(stream, "start", 0)))
+        for name, array in to_arrays(getattr(stream, "ancillary", ())).items():
+            archive.write(f"{_ANCILLARY}{name}", array)
 
 
 def read_npz(path: Path) -> Viform:
@@ -53,7 +77,12 @@ def read_npz(path: Path) -> Viform:
         try:
             cycles, start = (index(arrays[name][()]) for name in ("cycles", "start"))
             num, den = (index(x) for x in arrays["clock"])
-            stream = Viform(arrays["words"], cycles, Clock(num, den), start)
+            said = from_arrays({
+                name.removeprefix(_ANCILLARY): array
+                for name, array in arrays.items() if name.startswith(_ANCILLARY)
+            })  # fmt: skip
+            stream = Viform(arrays["words"], cycles, Clock(num, den), start, said)
+            _check_ancillary(stream)
         except KeyError as exc:
             raise bad(f"one without {exc}") from exc
         except (ValueError, TypeError) as exc:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from cosim.clock import Clock
 from cosim.errors import InputError
@@ -181,9 +182,15 @@ def _located(path: Path) -> tuple[Path, Config | None]:
 
 def losses(stream: SpikeStream, path: Path, ending: str, head: bool = False) -> list[str]:
     """One line for each property that is lost in writing `stream` to `path`."""
-    if ending not in _CLOCKS:
-        return []
     notes = []
+    said: Any = getattr(stream, "ancillary", None)
+    if ending not in (".npz", ".vfl") and said:
+        notes.append(
+            f"{path} does not keep what the chip says beyond its spikes (register writes, charges "
+            "below threshold): an .npz and a .vfl do"
+        )
+    if ending not in _CLOCKS:
+        return notes
     clock, start = _CLOCKS[ending], int(getattr(stream, "start", 0))
     if stream.clock != clock:
         notes.append(

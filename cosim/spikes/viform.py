@@ -7,7 +7,8 @@ shaders of a display read them. Plane-major bytes exist only in files that requi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -159,7 +160,9 @@ def part_of(
         cycles, rows, columns: slices without a step, or an index; negative ones count from the end.
 
     Returns:
-        The part; its `start` is the number of its first cycle on the stream's clock.
+        The part; its `start` is the number of its first cycle on the stream's clock. It has what
+        the source of the stream says beyond its spikes in these cycles, with the registers that
+        hold in the first one.
 
     Raises:
         InputError: a slice with a step, or a part without an element.
@@ -174,7 +177,19 @@ def part_of(
         later = read[1 : len(words) + 1]
         words[: len(later)] |= later << np.uint32(WORD - shift)
     words[-1] &= _mask(0, stop - first, len(words) - 1)
-    return Viform(words, stop - first, stream.clock, getattr(stream, "start", 0) + first)
+    start = getattr(stream, "start", 0) + first
+    said = _said(getattr(stream, "ancillary", ()), start, start + stop - first)
+    parts = tuple(each.part((top, bottom), (left, right)) for each in said)
+    return Viform(words, stop - first, stream.clock, start, parts)
+
+
+def _said(several: Sequence[Any], first: int, stop: int) -> list[Any]:
+    """Ancillary data of cycles `first` to `stop`, with what holds in the first one."""
+    within = [each for each in several if first <= each.cycle < stop]
+    before = [each for each in several if each.lasting and each.cycle < first]
+    if before and not any(each.lasting and each.cycle == first for each in within):
+        within.insert(0, replace(before[-1], cycle=first))
+    return within
 
 
 def _bounds(name: str, given: Any, size: int) -> tuple[int, int]:
@@ -208,6 +223,8 @@ class Viform(Sliceable):
         cycles: number of latch cycles.
         clock: clock of the latches.
         start: number of the first cycle.
+        ancillary: what the source says beyond the spikes, `cosim.spikes.ancillary`, in the order of
+            their cycles; these lie within the planes.
 
     Raises:
         ValueError: the words have another shape or type, or spikes beyond the last cycle.
@@ -217,6 +234,7 @@ class Viform(Sliceable):
     cycles: int
     clock: Clock
     start: int = 0
+    ancillary: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         if self.words.ndim != 3 or self.words.dtype != np.uint32:

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block
-from cosim.spikes.viform import WORD, Viform, Words
+from cosim.spikes.viform import Viform, Words
 from display.camera.rolling import Shutter
 from display.camera.section import FramesSection
-from display.plan.pixels import PanelPixels
+from display.plan.pixels import FilmedPixels
 
 Values = npt.NDArray[np.float64]
 _DARK = 0.01
@@ -52,26 +52,23 @@ class PanelCamera:
         seed: int,
         mapping: Callable[[Words], Words] | None = None,
     ) -> None:
-        self.section, self.shutter, self._seed, self._mapping = section, shutter, seed, mapping
-        height, width = shutter.panel.shape
-        self._pixels = PanelPixels(shutter.panel, height * width)
+        self.section, self.shutter, self._seed = section, shutter, seed
+        self._pixels = FilmedPixels(shutter.panel, mapping)
         self._open: dict[int, tuple[Values, Values]] = {}
         self._plane = 0
         self.frames: list[Filmed] = []
 
     def step(self, data: Viform, block: Block) -> Viform:
         """Films the planes of one block; blocks begin at whole words."""
-        words = data.words if self._mapping is None else self._mapping(data.words)
-        for word, first in enumerate(range(0, block.cycles, WORD)):
-            self._film(words[word : word + 1], min(WORD, block.cycles - first))
+        for planes, light in self._pixels.words(data):
+            self._film(light, planes)
         return data
 
-    def _film(self, words: Words, planes: int) -> None:
-        """Films the planes of one word."""
+    def _film(self, packets: Values, planes: int) -> None:
+        """Films the planes of one word, (planes, pixels)."""
         shutter, first = self.shutter, self._plane
         height, width = shutter.panel.shape
-        light = self._pixels.light(words.reshape(1, -1), planes, 1).reshape(planes, height, width)
-        light /= shutter.panel.white_rate
+        light = packets.reshape(planes, height, width) / shutter.panel.white_rate
         rows = light.mean(axis=2).T
         begin, end = shutter.panel.start(first), shutter.panel.start(first + planes + 1)
         last = first + planes == shutter.planes

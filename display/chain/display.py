@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from cosim import Block
 from cosim.compute.opencl import Device
 from cosim.run.progress import Progress
+from cosim.spikes.ancillary import Ancillary, RegisterWrite, from_arrays, to_arrays
 from cosim.spikes.viform import Viform, Words
 from cosim.stage import State, section
 from display.chain.pursuit import Pursuit
@@ -167,7 +168,7 @@ def make_display_chain(
         lambda images: make_renderer(
             section.renderer, setting.panel, setting.batch, images, device=device
         ),
-        section.mapping(scene, panel),
+        section.mapping(scene, panel), points,
     )  # fmt: skip
     references, tap = None, None
     if white is not None:
@@ -190,11 +191,14 @@ class PanelStage(LiveDisplay):
         setting, observers, renderer, mapping: see `LiveDisplay`.
         motion: exposures of the slow motion, None for none.
         cycles: length of the run, cycles.
+        points: pixels of interest, (row, column, label).
 
     Attributes:
+        told: what the source of the stream has said beyond its spikes so far; planes of charges
+            have the points alone, (1, points).
         film: the slow motion, complete after the last block; None for none.
-        fired: number of spikes in the stream so far.
-        spikes: number of spikes displayed so far.
+        fired: number of spikes in the stream so far; complete after the last block.
+        packets: light of the spikes displayed so far, packets of the nominal threshold.
         images: images by observer, (images, height, width), white = 1; complete after the last
             block.
         one_thread: True: the renderer works in the thread that has created it.
@@ -211,7 +215,9 @@ class PanelStage(LiveDisplay):
         cycles: int,
         renderer: Callable[[int], AnyRenderer],
         mapping: Callable[[Words], Words] | None = None,
+        points: Sequence[tuple[int, int, str]] = (),
     ) -> None:
+        self._points, self.told = points, list[Ancillary]()
         self._panel, self._cycles = setting.simulated_panel, cycles
         self.film = None if motion is None else Film(motion)
         self._exposures = max(
@@ -221,29 +227,39 @@ class PanelStage(LiveDisplay):
         # Images of the sum of all light, and of the slow motion.
         super().__init__(setting, observers, renderer, mapping, 1 + self._exposures)
         self._closed = False
-        self.fired = self.spikes = 0
+        # The words that are drawn are those of the stream: they are counted once.
+        self._counts = mapping is None and not setting.panel.residues
+        self.fired, self.packets = 0, 0.0
         self.images: Images = {}
         self.emitted: float | None = None
 
     def step(self, data: Viform, block: Block) -> Viform:
         """Takes one block; draws when there are enough planes, or at the end of the run."""
-        self.fired += int(np.bitwise_count(data.words).sum(dtype=np.int64))
+        if not self._counts:
+            self.fired += int(np.bitwise_count(data.words).sum(dtype=np.int64))
         last = block.stop == self._cycles
-        self.push(data.words, block.cycles, last=last)
+        self._follower.stream = data.shape
+        self.told += [self._at_points(each) for each in data.ancillary]
+        self.push(data.words, block.cycles, last=last, ancillary=data.ancillary)
         if last:
             self.images = self.take()
             self.emitted = float(self.renderer.take(self._own).sum(dtype=np.float64))
             self.close()
         return data
 
+    def _at_points(self, said: Ancillary) -> Ancillary:
+        if isinstance(said, RegisterWrite):
+            return said
+        places = np.array([point[:2] for point in self._points], np.intp).reshape(-1, 2)
+        return replace(said, gain=said.gain[places[:, 0], places[:, 1]][None])
+
     def _render(self, words: Words, first: int, planes: int) -> None:
         super()._render(words, first, planes)
-        if self._mapping is None:
-            self.spikes = self.fired
-        else:
-            self.spikes += int(np.bitwise_count(words).sum(dtype=np.int64))
+        spikes = int(np.bitwise_count(words).sum(dtype=np.int64))
+        self.packets += self._follower.packet * spikes
+        self.fired += spikes if self._counts else 0
         if self.film is not None:
-            self._finish_exposures(self.film, self._first)
+            self._finish_exposures(self.film, first + planes)
 
     def _finish_exposures(self, film: Film, plane: int) -> None:
         """Completes the exposures that end before the light of `plane`."""
@@ -297,7 +313,12 @@ class PanelStage(LiveDisplay):
 
     def state(self) -> State:
         """Everything that the next block depends on; after the last block, the results."""
-        state = {"counts": np.array([self._first, self._planes, self.fired, self.spikes])}
+        state = {
+            "counts": np.array([self._first, self._planes, self.fired]),
+            "packets": np.array([self.packets, self._follower.packet]),
+            **{f"ahead/{name}": value for name, value in to_arrays(self._ahead).items()},
+            **{f"told/{name}": value for name, value in to_arrays(self.told).items()},
+        }
         if self._waiting:
             state["waiting"] = np.concatenate(self._waiting)
         if self.film is not None:
@@ -311,7 +332,10 @@ class PanelStage(LiveDisplay):
 
     def restore(self, state: State) -> None:
         """Restores a `state`."""
-        self._first, self._planes, self.fired, self.spikes = (int(n) for n in state["counts"])
+        self._first, self._planes, self.fired = (int(n) for n in state["counts"])
+        self.packets, self._follower.packet = (float(x) for x in state["packets"])
+        self._ahead = list(from_arrays(section(state, "ahead")))
+        self.told = list(from_arrays(section(state, "told")))
         self._waiting = [state["waiting"]] if "waiting" in state else []
         if self.film is not None:
             self.film.restore(section(state, "film"))

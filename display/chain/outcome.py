@@ -33,7 +33,8 @@ class DisplayOutcome:
         fidelity: fidelity of every display for every observer, by `chain_fidelity`; [] without a
             scene.
         frames: slow motion by display, (frames, h, w) uint8 with the sRGB curve applied.
-        total_light: emitted light over the displayed spikes, packets; None without a spike.
+        total_light: emitted light over the displayed spikes, packets; None without a spike, and
+            with planes of charges beside them.
         probes: latency, blur and flicker; None without a camera to probe with.
         jod: ColorVideoVDP by display, by `color_video_vdp`.
     """
@@ -50,8 +51,10 @@ class DisplayOutcome:
     def of(
         cls, chain: DisplayChain, fidelity: list[Fidelity], probes: Probes | None
     ) -> DisplayOutcome:
-        emitted, spikes = chain.panel_stage.emitted, chain.panel_stage.spikes
-        total = emitted / spikes if emitted is not None and spikes else None
+        emitted, packets = chain.panel_stage.emitted, chain.panel_stage.packets
+        # What charges have shown of a packet that has not come yet is known of no pixel by then.
+        known = emitted is not None and packets and not chain.panel.residues
+        total = emitted / packets if known and emitted is not None else None
         frames, section = chain.frames(), chain.section
         jod = {}
         if TRUTH in frames:

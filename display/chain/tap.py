@@ -10,10 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Clock, Light, Piece, SpikeStream
-from cosim.spikes.viform import WORD
+from cosim.spikes.ancillary import Ancillary, bits
+from cosim.spikes.viform import WORD, Words, words_for
+from display.core import LiveDisplay, Mapped
+from display.observe.observers import CameraPlane
 from display.panels.panel import FramePanel, Projector, SpikePanel
 from display.references.displays import FrameShow, ProjectorShow
+from display.render.ancillary import Follower
 from display.render.golden import GoldenRenderer
+from display.setting import DisplaySetting
 
 Values = npt.NDArray[np.float64]
 Instants = npt.NDArray[np.int64]
@@ -92,7 +97,11 @@ def panel_waves(panel: FramePanel | Projector, light: Light, at: Instants) -> Va
 
 
 def spike_waves(
-    stream: SpikeStream, panel: SpikePanel, places: Sequence[Place], stop: int
+    stream: SpikeStream,
+    panel: SpikePanel,
+    places: Sequence[Place],
+    stop: int,
+    told: Sequence[Ancillary] = (),
 ) -> tuple[Values, Values]:
     """Light of the pixels of a spike display, plane by plane, without row timing.
 
@@ -101,18 +110,47 @@ def spike_waves(
         panel: the panel.
         places: (row, column) of each pixel.
         stop: end of the light, ps.
+        told: what the source of the stream says beyond its spikes.
 
     Returns:
         The instants at which the planes begin, ps, (n + 1,), and the light, (n, places), white = 1.
     """
     rows, columns = ([p[k] for p in places] for k in (0, 1))
     small = replace(panel, shape=(1, len(places)), row_scan=0.0)
+    wave = _Wave(small, lambda words: words[:, rows, columns][:, None], stream.shape)
     # Two words are a chunk of a store; more would be joined, with all their pixels.
-    renderer, parts, chunk = GoldenRenderer(small, 1, 0), [], 2
+    chunk = 2 * WORD
     cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
-    for n in range(0, cycles, WORD * chunk):
-        words = stream.read_words(n // WORD, n // WORD + chunk)[:, rows, columns][:, None]
-        renderer.step(words, min(cycles - n, WORD * len(words)), None)
-        parts.append(renderer.light[:, 0])
+    for n in range(0, cycles, chunk):
+        end = min(n + chunk, cycles)
+        words = bits(stream.read_words(n // WORD, words_for(end)), 0, end - n)
+        ahead = [each for each in told if n <= each.cycle < end]
+        wave.push(words, end - n, last=True, ancillary=ahead)
     starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)
-    return starts, np.concatenate(parts) / panel.white_rate
+    return starts, np.concatenate(wave.parts) / panel.white_rate
+
+
+class _Wave(LiveDisplay):
+    """The light of a few pixels, plane by plane, packets. parts: (planes, places) each."""
+
+    def __init__(
+        self, panel: SpikePanel, mapping: Mapped, stream: tuple[int, int]
+    ) -> None:  # fmt: skip
+        setting = DisplaySetting(panel, CameraPlane((), 1))
+        super().__init__(
+            setting, {}, lambda images: GoldenRenderer(panel, 1, images), mapping, stream=stream
+        )
+        self._follower = _AtPlaces(self.renderer, panel, mapping, stream)
+        self.parts: list[Values] = []
+
+    def _render(self, words: Words, first: int, planes: int) -> None:
+        self.renderer.step(words, planes, None)
+        self.parts.append(self._follower.packet * self.renderer.light[:, 0])
+
+
+class _AtPlaces(Follower):
+    """Planes of charges have the places alone, as `PanelStage.told` keeps them."""
+
+    def on_panel(self, values: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+        at_places = values.shape == self._panel.shape
+        return values.astype(np.uint32) if at_places else super().on_panel(values)

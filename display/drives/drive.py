@@ -66,6 +66,8 @@ class Drive:
             planes since the previous spike, 0 at the first. emitted: sum of the levels since then,
             packets. None: no memory.
         glsl_remember: `remember` in GLSL, of `memory`, `run` and `emitted`.
+        residue: the drive for a stream with planes of charges, where it is another one: its packet
+            is what they have not shown of it.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Drive:
     variation: Callable[[Values, Values, Values, float], Values]
     remember: Callable[[Any, Any, Any], Any] | None = None
     glsl_remember: str = ""
+    residue: Drive | None = None
 
 
 @register_jitable

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,4 +23,18 @@ def _variation(rate: Values, variance: Values, motion: Values, swing: float) -> 
     return np.full_like(rate, 2 * swing)
 
 
-IMPULSE = Drive("impulse", 0, _level, "vec4(fired)", _fluctuation, _variation)
+def _rest_level(age: Any, tau: Any, memory: Any) -> Any:
+    return (age == 0) * memory
+
+
+def _rest(memory: Any, interval: Any, emitted: Any) -> Any:
+    """Size of a packet: `emitted` is that of the packet before, `memory`, and of the charges shown
+    since then."""
+    return np.minimum(np.maximum(1.0 + memory - emitted, 0.0), 1.0)
+
+
+_RESIDUE: Final = Drive(
+    "impulse", 1, _rest_level, "vec4(fired) * memory", _fluctuation, _variation, _rest,
+    "clamp(memory + 1.0 - emitted, 0.0, 1.0)",
+)  # fmt: skip
+IMPULSE = Drive("impulse", 0, _level, "vec4(fired)", _fluctuation, _variation, residue=_RESIDUE)

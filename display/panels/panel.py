@@ -47,6 +47,11 @@ class SpikePanel:
         transport: delay from the latch of the stream to the first row of the panel, ps.
         fill: share of the pixel area that emits.
         luminance: luminance of white, mean over the pixel area, cd/m2.
+        dark: planes from which on an interval is dark current's: a pixel is dark from then on, and
+            the interval gives no rate. 0 for none. With packets, the spike is left out of the
+            stream.
+        residues: whether planes of charges come beside the spikes: a packet is then what they have
+            not shown of it.
     """
 
     shape: tuple[int, int]
@@ -60,6 +65,8 @@ class SpikePanel:
     transport: int = 0
     fill: float = 1.0
     luminance: float = 300.0
+    dark: int = 0
+    residues: bool = False
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -79,12 +86,13 @@ class SpikePanel:
     @property
     def scheme(self) -> Drive:
         """The drive."""
-        return DRIVES[self.drive]
+        drive = DRIVES[self.drive]
+        return drive.residue or drive if self.residues else drive
 
     @property
     def packets(self) -> bool:
         """Whether the light of a spike is a packet in its own plane."""
-        return self.scheme.spikes == 0
+        return DRIVES[self.drive].spikes == 0
 
     @property
     def share(self) -> float:

@@ -11,17 +11,19 @@ between two patches is not represented.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.spikes.viform import WORD
+from cosim.spikes.viform import WORD, Viform
 from display.drives.compiled import compiled, level, remember
 from display.observe.views import Views
 from display.panels.emitter import Emitter, gone_in, relax
 from display.panels.panel import SpikePanel
+from display.render.ancillary import Follower
 from display.render.golden import FOREVER
 from display.setting import DisplaySetting
 
@@ -40,7 +42,7 @@ class PixelState(NamedTuple):
     level: Values
 
 
-def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no-untyped-def]
+def _show(words, cycles, batch, spikes, dark, emitter, state, out):  # type: ignore[no-untyped-def]
     """Adds the light of each pixel in each span of planes to `out`, (spans, pixels), packets.
     `compiled` compiles this kernel for a drive."""
     pulse, rise, decay = emitter
@@ -59,10 +61,10 @@ def _show(words, cycles, batch, spikes, emitter, state, out):  # type: ignore[no
                 m = remember(m, float(a) if s else 0.0, e)
                 e = 0.0
                 if s:
-                    t = a
+                    t = a if dark == 0 or a < dark else np.uint32(0)
                 a = np.uint32(0)
                 s = True
-            lit = t > 0 if spikes > 1 else s
+            lit = (t > 0 if spikes > 1 else s) and (dark == 0 or a < dark)
             x = level(float(a), float(t), m) if lit else 0.0
             e += x
             if instant:
@@ -103,8 +105,17 @@ class PanelPixels:
         scheme, emitter = self.panel.scheme, Emitter.of(self.panel)
         out = np.zeros((-(-cycles // batch), words.shape[1]))
         words = np.ascontiguousarray(words)
-        compiled(_show, scheme)(words, cycles, batch, scheme.spikes, emitter, self._state, out)
+        show, dark = compiled(_show, scheme), np.uint32(self.panel.dark)
+        show(words, cycles, batch, scheme.spikes, dark, emitter, self._state, out)
         return out
+
+    def pixels(self) -> dict[str, npt.NDArray[Any]]:
+        """The state of the pixels."""
+        return self.state()
+
+    def put_pixels(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores the pixels of a `state`."""
+        self.restore(state)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """Everything that the next block depends on."""
@@ -113,6 +124,44 @@ class PanelPixels:
     def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
         """Restores a `state`."""
         self._state = PixelState(**{name: values.copy() for name, values in state.items()})
+
+
+class FilmedPixels:
+    """All pixels of a panel that follows its stream, for a camera that films it.
+
+    Args:
+        panel: the panel.
+        mapping: map from words of the stream to words of the panel; None for equal sizes.
+    """
+
+    def __init__(self, panel: SpikePanel, mapping: Callable[[Words], Words] | None = None) -> None:
+        self._mapping = mapping
+        self._pixels = PanelPixels(panel, panel.shape[0] * panel.shape[1])
+        self._follower = Follower(self._pixels, panel, mapping)
+
+    def words(self, data: Viform) -> Iterator[tuple[int, Values]]:
+        """The planes of a block, whole words and a rest: number of planes and their light, (planes,
+        height x width), packets at the nominal threshold."""
+        self._follower.stream = data.shape
+        words = data.words if self._mapping is None else self._mapping(data.words)
+        for word, first in enumerate(range(0, data.cycles, WORD)):
+            planes, start = min(WORD, data.cycles - first), data.start + first
+            ahead = [each for each in data.ancillary if start <= each.cycle < start + planes]
+            flat = words[word : word + 1].reshape(1, -1)
+            parts = [
+                self._pixels.light(part, count, 1) * self._follower.packet
+                for part, _, count in self._follower.parts(flat, planes, start, ahead)
+            ]
+            yield planes, parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that the next block depends on."""
+        return self._pixels.state() | {"packet": np.array(self._follower.packet)}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores a `state`."""
+        self._follower.packet = float(state["packet"])
+        self._pixels.restore({k: v for k, v in state.items() if k != "packet"})
 
 
 @njit(cache=True, nogil=True)

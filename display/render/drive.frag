@@ -86,14 +86,20 @@ vec4 pick(vec4 a, vec4 b, bvec4 choose) {
 #define ADD_EMITTED
 #endif
 #define AGE mix(run, vec4(0.0), spike)
+// Intervals of DARK planes or more are dark, and no interval.
+#if DARK
+#define SHORT(planes) * clamp(vec4(DARK) - planes, 0.0, 1.0)
+#else
+#define SHORT(planes)
+#endif
 #if INTERVALS
 #define PLANE(n) { \
-    vec4 inverse = 1.0 / run; \
+    vec4 inverse = 1.0 / run SHORT(run); \
     uvec4 fired = (w >> uint(n)) & 1u; \
     bvec4 spike = notEqual(fired, uvec4(0u)); \
     UPDATE \
     held = pick(held, inverse, spike); \
-    vec4 x = LEVEL; \
+    vec4 x = (LEVEL) SHORT(AGE); \
     ADD_EMITTED \
     run = mix(run + 1.0, vec4(1.0), spike); \
     EMIT(x) }

@@ -75,10 +75,13 @@ class GoldenRenderer:
         if scheme.remember is not None:
             after = scheme.remember(self.memory, np.where(self.started, older, 0), self.emitted)
             self.memory = np.where(spike, after, self.memory)
-        self.tau = np.where(spike & self.started, older, self.tau).astype(np.uint32)
+        interval = np.where(older < dark, older, 0) if (dark := self.panel.dark) else older
+        self.tau = np.where(spike & self.started, interval, self.tau).astype(np.uint32)
         self.age = np.where(spike, np.uint32(0), older).astype(np.uint32)
         self.started |= spike
         lit = self.started if scheme.spikes < 2 else self.tau > 0
+        if dark:
+            lit = lit & (self.age < dark)
         level = scheme.level(self.age, np.maximum(self.tau, np.uint32(1)), self.memory)
         drive, pulse = np.where(lit, level, 0.0), self.panel.share
         self.emitted = np.where(spike, 0.0, self.emitted) + drive
@@ -124,20 +127,27 @@ class GoldenRenderer:
         self._images[image] = 0
         return values
 
-    def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything that the next block depends on."""
+    def pixels(self) -> dict[str, npt.NDArray[Any]]:
+        """The state of the pixels, without the images."""
         return {
             "tau": self.tau.copy(), "age": self.age.copy(), "started": self.started.copy(),
             "level": self.level.copy(), "memory": self.memory.copy(),
             "emitted": self.emitted.copy(),
-            "images": self._images.copy(),
         }  # fmt: skip
 
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Restores a `state`."""
+    def put_pixels(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores the pixels of a `state`; the images stay."""
         self.tau, self.age = state["tau"].copy(), state["age"].copy()
         self.started, self.level = state["started"].copy(), state["level"].copy()
         self.memory, self.emitted = state["memory"].copy(), state["emitted"].copy()
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that the next block depends on."""
+        return self.pixels() | {"images": self._images.copy()}
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores a `state`."""
+        self.put_pixels(state)
         self._images = state["images"].copy()
 
     def close(self) -> None:

@@ -109,6 +109,7 @@ class OpenCLRenderer:
                 "LEVEL_AT": len(self._names) - 1,
             }  # fmt: skip
             text = [f"#define {key}" for key, on in switches.items() if on]
+            values |= {"DARK": self.panel.dark} if self.panel.dark else {}
             text += [f"#define {key} {value}" for key, value in values.items()]
             text += [f"#define LEVEL ({drive.glsl})", f"#define REMEMBER ({drive.glsl_remember})"]
             text.append(wide_cl())
@@ -243,8 +244,8 @@ class OpenCLRenderer:
     def _unit(self) -> float:
         return 1 / (self.panel.share * LEVELS)
 
-    def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything that the next block depends on, with the names of `GoldenRenderer`; arrays
+    def pixels(self) -> dict[str, npt.NDArray[Any]]:
+        """The state of the pixels, without the images, with the names of `GoldenRenderer`; arrays
         that the drive does not need are zero."""
         array, buffer = self._states[1]
         self._device.settle(buffer, array)
@@ -254,9 +255,6 @@ class OpenCLRenderer:
         }
         none = np.zeros(self.panel.shape, np.uint32)
         older = stored.get("age", none)
-        images = np.empty((self.images, *self.panel.shape))
-        for n in range(self.images):
-            self._read(n, images[n])
         return {
             "tau": stored.get("tau", none),
             "age": np.where(older == FOREVER, FOREVER, np.maximum(older, 1) - 1).astype(np.uint32),
@@ -264,11 +262,17 @@ class OpenCLRenderer:
             "memory": stored.get("memory", none).view(np.float32).astype(np.float64),
             "emitted": stored.get("emitted", none).view(np.float32).astype(np.float64),
             "level": np.asarray(stored.get("level", none) * self._unit, np.float64),
-            "images": images,
         }
 
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Restores a `state` of any renderer."""
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that the next block depends on, as `pixels`, with the images."""
+        images = np.empty((self.images, *self.panel.shape))
+        for n in range(self.images):
+            self._read(n, images[n])
+        return self.pixels() | {"images": images}
+
+    def put_pixels(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores the pixels of a `state` of any renderer; the images stay."""
         older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
         stored = {
             "tau": state["tau"],
@@ -282,11 +286,16 @@ class OpenCLRenderer:
         for part, name in zip(array, self._names, strict=False):
             part[:, :width] = stored[name]
         self._states[1] = self._share(array)
+        self._last = None
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores a `state` of any renderer."""
+        self.put_pixels(state)
+        width = self.panel.shape[1]
         images = np.zeros_like(self._images[0])
         images[: self.images, :, :width] = state["images"]
         self._images = self._share(images)
         self._fresh[:] = False
-        self._last = None
 
     def reset(self) -> None:
         """Back to the state before the first block, dark, without images."""

@@ -10,7 +10,7 @@
 // waits for its own arithmetic.
 //   SINGLE     a span is one plane
 //   COUNTED    spans of packets without an emitter: spikes are counted, not stepped through
-//   INTERVALS, MEMORY, EMITS, PULSED   as in drive.frag
+//   INTERVALS, MEMORY, EMITS, PULSED, DARK   as in drive.frag
 #pragma OPENCL FP_CONTRACT OFF
 
 #define EACH _Pragma("unroll") for (uint i = 0; i < GROUPS; i++)
@@ -100,18 +100,23 @@ inline int16 nearest(const float16 x)
 #define ADD_EMITTED
 #endif
 #define AGE pick(run, (float16)(0.0f), spike)
+#ifdef DARK
+#define SHORT(planes) *clamp((float16)(DARK) - planes, 0.0f, 1.0f)
+#else
+#define SHORT(planes)
+#endif
 // A plane, bit `bit` of the word. run: planes since the last spike, infinite before the first.
 // held: 1 / tau.
 #ifdef INTERVALS
 #define PLANE(bit)                                                                                 \
     {                                                                                              \
         float16 run = runs[i], held = helds[i], memory = memories[i], emitted = emits[i];          \
-        const float16 inverse = 1.0f / run;                                                        \
+        const float16 inverse = 1.0f / run SHORT(run);                                                    \
         const int16 spike = (w[i] & (1u << (bit))) != 0;                                           \
         const float16 fired = pick((float16)(0.0f), (float16)(1.0f), spike);                       \
         UPDATE                                                                                     \
         held = pick(held, inverse, spike);                                                         \
-        const float16 x = LEVEL;                                                                   \
+        const float16 x = LEVEL SHORT(AGE);                                                        \
         ADD_EMITTED                                                                                \
         runs[i] = pick(run + 1.0f, (float16)(1.0f), spike);                                        \
         helds[i] = held, memories[i] = memory, emits[i] = emitted;                                 \

@@ -221,7 +221,7 @@ class Renderer:
         emits = slow(panel)
         switches = DriveSwitches(
             panel.scheme, piece.planes, piece.group, len(images), slopes, write_spans, emits,
-            emits and panel.share < 1,
+            emits and panel.share < 1, panel.dark,
         )  # fmt: skip
         program, triangle = self._program(switches)
         for n, texture in enumerate(self._state_textures[self._now]):
@@ -332,13 +332,12 @@ class Renderer:
         with self._alive():
             return self._exposures.take(image)
 
-    def state(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything that the next block depends on, with the names of `GoldenRenderer`; arrays
+    def pixels(self) -> dict[str, npt.NDArray[Any]]:
+        """The state of the pixels, without the images, with the names of `GoldenRenderer`; arrays
         that the drive does not need are zero."""
         with self._alive():
             textures = zip(self._names, self._state_textures[self._now], strict=True)
             stored = {name: self._read(texture) for name, texture in textures}
-            images = self._exposures.all()
         none = np.zeros(self.panel.shape, np.uint32)
         older = stored.get("age", none)
         return {
@@ -348,15 +347,21 @@ class Renderer:
             "memory": stored.get("memory", none).view(np.float32).astype(np.float64),
             "emitted": stored.get("emitted", none).view(np.float32).astype(np.float64),
             "level": np.asarray(stored.get("level", none) * self._unit, np.float64),
-            "images": images,
         }
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that the next block depends on, as `pixels`, with the images."""
+        with self._alive():
+            images = self._exposures.all()
+        return self.pixels() | {"images": images}
 
     @property
     def _unit(self) -> float:
         return 1 / (self.panel.share * LEVELS)
 
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
-        """Restores a `state` of this renderer or of the golden model."""
+    def put_pixels(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores the pixels of a `state` of this renderer or of the golden model; the images
+        stay."""
         older = np.where(state["age"] < FOREVER, state["age"] + np.uint32(1), FOREVER)
         stored = {
             "tau": state["tau"],
@@ -370,8 +375,13 @@ class Renderer:
                 wide = np.zeros((self.panel.shape[0], 4 * self._quads), np.uint32)
                 wide[:, : self.panel.shape[1]] = stored[name]
                 texture.write(wide)
-            self._exposures.put(state["images"])
         self._last, self._lit = None, np.zeros((0, *self.panel.shape))
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Restores a `state` of this renderer or of the golden model."""
+        self.put_pixels(state)
+        with self._alive():
+            self._exposures.put(state["images"])
 
     def close(self) -> None:
         """Releases the renderer's own context, with all images that have not been read."""

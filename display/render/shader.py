@@ -90,6 +90,7 @@ class DriveSwitches:
         spans: whether the light of each group is written to a texture.
         emits: whether the emitter has a time constant.
         pulsed: whether a packet is shorter than its plane; only relevant with `emits`.
+        dark: planes from which on an interval is dark; 0 for none.
     """
 
     drive: Drive
@@ -100,6 +101,7 @@ class DriveSwitches:
     spans: bool
     emits: bool
     pulsed: bool
+    dark: int = 0
 
     @property
     def groups(self) -> int:
@@ -115,7 +117,7 @@ class DriveSwitches:
         names, spans_at = states(self.drive, self.emits), self.states
         defines: dict[str, object] = {
             "INTERVALS": int("tau" in names), "MEMORY": int("memory" in names),
-            "EMITS": int(self.emits), "PULSED": int(self.pulsed),
+            "EMITS": int(self.emits), "PULSED": int(self.pulsed), "DARK": self.dark,
             "SPANS": int(self.spans), "SLOPES": int(self.slopes), "IMAGES": self.images,
             "GROUPS": self.groups, "PLANES": f"{self.planes}u", "FOREVER": "0xFFFFFFFFu",
             "WHOLE": int(self.planes >= WORD), "MASK": f"{(1 << min(self.planes, WORD)) - 1:#x}u",

@@ -61,8 +61,9 @@ def wave_figure(shown: Shown, path: Path) -> tuple[str, Data]:
     ms, light = at / 1e9, chain.tap.light()
     truth = np.array([light.at(int(t))[0] for t in at])
     starts, spikes = spike_waves(
-        shown.stream, chain.panel, [p[:2] for p in chain.points], int(at[-1])
-    )
+        shown.stream, chain.panel, [p[:2] for p in chain.points], int(at[-1]),
+        chain.panel_stage.told,
+    )  # fmt: skip
     plane = np.clip(np.searchsorted(starts, at, "right") - 1, 0, len(spikes) - 1)
     waves = {SPIKE: np.where(at[:, None] >= starts[0], spikes[plane], 0.0)}
     for panel in chain.section.reference_panels():

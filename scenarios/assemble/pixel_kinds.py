@@ -18,25 +18,32 @@ _SECTIONS = {
     "colour": "latched",
 }
 """Sections and keys of [sensor] that exist for one kind of pixel only, with that kind."""
-_IMAGED = ("sub_threshold", "dark_limit")
-"""Keys that only images from the stream use."""
+_BEYOND = ("writes", "sub_threshold", "dark_limit")
+"""Keys of [sensor] by which a latched chip says more than its spikes, or rejects some."""
+
+
+def says_more(scenario: Scenario) -> list[str]:
+    """Those of `_BEYOND` that a scenario has, with their section."""
+    return [f"sensor.{name}" for name in _BEYOND if getattr(scenario.sensor, name)]
+
+
+def refuse_beyond(scenario: Scenario, what: str, why: str) -> None:
+    """Raises InputError for a chip that says more than its spikes. what, why: what does not follow
+    it, and the reason, for the message."""
+    for key in says_more(scenario):
+        must = "empty" if key == "sensor.writes" else "absent"
+        raise InputError(key, f"{must} with {what}", "given", f"leave one of them out: {why}")
 
 
 def refuse_leftovers(scenario: Scenario) -> None:
     """Raises InputError for sections and keys that only another kind of pixel has."""
     current = scenario.sensor.pixel
-    for name in ("display", "link"):
-        if getattr(scenario, name) is not None and scenario.sensor.writes:
-            raise InputError(
-                "sensor.writes", f"empty with a {name}", "given",
-                f"leave them out, or the {name}: white is one spike rate there",
-            )  # fmt: skip
-    for name in _IMAGED:
-        if scenario.display is not None and getattr(scenario.sensor, name) is not None:
-            raise InputError(
-                f"sensor.{name}", "absent with a display", "given",
-                "leave it out, or the display: it shows the spikes alone",
-            )  # fmt: skip
+    sink = None if scenario.display is None else scenario.display.sink
+    if sink is not None and scenario.sensor.sub_threshold is not None:
+        raise InputError(
+            "sensor.sub_threshold", "absent with display.sink", "given",
+            "leave one of them out: a board displays the spikes alone",
+        )  # fmt: skip
     for name, pixel in _SECTIONS.items():
         if getattr(scenario.sensor, name) is not None and current != pixel:
             raise InputError(

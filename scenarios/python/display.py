@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -17,6 +17,7 @@ from cosim.errors import quote
 from cosim.report.png import encode, for_display
 from cosim.run.inputs import FILE
 from cosim.spikes.viform import SpikeStream
+from cosim.stage import Stage
 from display.chain.pursuit import pursuit_without_scene
 from display.core import ARITHMETIC, Bounds, CalledDisplay, short_notes
 from display.render.kinds import RendererKind
@@ -178,9 +179,19 @@ class Display(Called):
         observers = section.seen_by(
             map(EYES.__getitem__, eyes), found.clock, instants, found.cycles, velocity
         )
+        stage: Stage = found.stage()
+        if any(not each.lasting for each in getattr(found.stream, "ancillary", ())):
+            panel = replace(panel, residues=True)
+        if (found.path / "scenario.toml").exists():  # the folder of a run, whose chip may say more
+            from scenarios.assemble.source.latched.dim import said_by_run
+
+            said = said_by_run(found.path)
+            if said is not None:
+                panel = replace(panel, **said.panel)
+                stage = said.after(stage, found.shape)
         setting = section.setting(panel, instants, found.cycles, velocity)
         images = self._core.show(
-            found.stage(), found.cycles, setting, observers, section.mapping(found.shape, panel)
+            stage, found.cycles, setting, observers, section.mapping(found.shape, panel)
         )
         notes = [
             *found.notes, *([pursuit.note] if "pursuing" in eyes else []),

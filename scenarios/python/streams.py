@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cached_property
 from operator import index
 from pathlib import Path
 from typing import Any, Final
@@ -16,8 +17,9 @@ from cosim.files import write_events, write_stream
 from cosim.files.event_file import ENDING, EventFile, read_events
 from cosim.files.intensities import ENDING as INTENSITIES
 from cosim.files.intensities import read_intensities, write_intensities
+from cosim.spikes.ancillary import Ancillary
 from cosim.spikes.viform import Sliceable, SpikeStream, Words
-from scenarios.assemble.source.latched.dim import dim_of_run
+from scenarios.assemble.source.latched.dim import dim_of_run, registers_in, said_by_run
 from scenarios.assemble.source.recording.opening import FASTEST
 from scenarios.python.errors import in_python
 from scenarios.python.frames import is_whole
@@ -40,6 +42,7 @@ class Stream(Sliceable):
         cycles: number of latch cycles.
         clock: clock of the latches.
         notes: notes on the interpretation of the file.
+        start: number of the first cycle.
     """
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
@@ -48,6 +51,15 @@ class Stream(Sliceable):
         self.shape: tuple[int, int] = stream.shape
         self.cycles: int = stream.cycles
         self.clock: Clock = stream.clock
+        self.start = int(getattr(stream, "start", 0))
+
+    @cached_property
+    def ancillary(self) -> tuple[Ancillary, ...]:
+        """What the source says beyond the spikes: register writes and charges below threshold."""
+        said = said_by_run(self.path)
+        if said is not None:
+            return said.told(self._stream)
+        return tuple(getattr(self._stream, "ancillary", ()))
 
     def read_words(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded), (n, H, W) uint32; see `SpikeStream`."""
@@ -158,7 +170,8 @@ def reconstruct(
             this spike ends, "before", or the one that it begins, "after".
 
     Returns:
-        (H, W) float32: spikes a cycle; for tau, its levels from 0 to 255.
+        (H, W) float32: spikes a cycle, of the nominal threshold if it is written in the stream;
+        for tau, its levels from 0 to 255.
 
     Raises:
         InputError: another method, or an instant or window that the stream does not have.
@@ -178,6 +191,8 @@ def reconstruct(
         span = interval_span(opened, cycle, window, preceding=preceding)
         return tau_levels(isi(opened, cycle, span, ties)).astype(np.float32)
     light = dim_of_run(opened.path) if isinstance(opened, Stream) else None
+    registers = registers_in(opened, opened.path if isinstance(opened, Stream) else None)
     return image_of(
-        opened, method, cycle, window, preceding=preceding, ties=ties, dim_light=light
-    ).rate
+        opened, method, cycle, window, preceding=preceding, ties=ties, dim_light=light,
+        registers=registers,
+    ).rate  # fmt: skip

@@ -4,7 +4,8 @@ head     80 bytes: "VIFVFL1\\n"; code (1 byte: its place in the catalogue), laye
          packet (2), side of a tile (2), refine (1), 1 byte that is 0, height (4), width (4), cycles
          (8), start (8, signed), clock (8 and 8: numerator and denominator in Hz), k, threshold,
          threshold noise (8 each, IEEE 754, 0 where they are not used); CRC-32C of it (4)
-packets  for each group of cycles, for each layer, for each tile: bytes (4), packet (packet.py)
+packets  for each group of cycles: what the source says beyond its spikes (packets/ancillary.py),
+         then for each layer, for each tile, its packet (packet.py); each after its bytes (4)
 
 Nothing is carried from one group to the next, so that any part is read without the rest, and a
 stream of any length is written and read in the memory of a group.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,8 +26,10 @@ import numpy as np
 from cosim import Clock, InputError, SpikeStream
 from cosim.compute.memory import check_memory
 from cosim.files.atomic import atomic_write
+from cosim.spikes.ancillary import Ancillary
 from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
+from sensor.codec.packets.ancillary import CODES, AncillaryDecoder, AncillaryEncoder
 from sensor.codec.packets.catalogue import KINDS, StreamCode
 from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import HEADER, Packet, Tiles
@@ -54,11 +58,15 @@ def write_vfl(stream: SpikeStream, path: Path, code: StreamCode) -> int:
             f"{path}", "of a size and clock below 2^32 and 2^64", str(exc), "write a .zarr instead"
         ) from exc
     encoder, step = StreamEncoder(code, stream.shape), code.cycles // WORD
+    said = AncillaryEncoder(Tiles(stream.shape, code.tile))
+    said.take(replace(e, cycle=e.cycle - start) for e in getattr(stream, "ancillary", ()))
     with atomic_write(path) as part, part.open("wb") as file:
         file.write(head + _NUMBER.pack(fastcrc.crc32.iscsi(head)))
         for first in range(0, words_for(stream.cycles), step):
             words = stream.read_words(first, min(first + step, words_for(stream.cycles)))
             cycles = min(WORD * len(words), stream.cycles - WORD * first)
+            for packet in said.group(WORD * first, cycles):
+                _write(file, packet)
             for packet in encoder.encode(words, WORD * first, cycles):
                 _write(file, packet)
         for packet in encoder.flush():
@@ -77,6 +85,7 @@ class VflStream:
     Attributes:
         shape, cycles, clock, start: shape, cycles, clock and start of the stream.
         code: code that the stream went through.
+        ancillary: what its source says beyond the spikes, see `Viform`.
 
     Raises InputError for what is no such file, whole and undamaged, and where memory is short.
     """
@@ -124,11 +133,16 @@ class VflStream:
 
     def _check(self, file: BinaryIO) -> list[int]:
         """Where each group begins in the file. Every packet must be in its place and undamaged."""
-        places = []
+        places, said = [], AncillaryDecoder(Tiles(self.shape, self.code.tile))
+        found: list[Ancillary] = []
         for first in range(0, self.cycles, self.code.cycles):
             places.append(file.tell())
-            for _ in self._group(file, first):
-                pass
+            for data in self._group(file, first):
+                packet = Packet.of(data)
+                if packet.code in CODES and not said.take(packet):
+                    raise Damaged("ancillary data that cannot be")
+            found += said.read(first, first + self.code.cycles)
+        self.ancillary = tuple(replace(each, cycle=each.cycle + self.start) for each in found)
         if file.read(1):
             raise Damaged("a file with bytes after its last packet")
         return places
@@ -136,22 +150,36 @@ class VflStream:
     def _group(self, file: BinaryIO, first: int) -> Iterator[bytes]:
         """Packets of the group at cycle `first`. Raises Damaged."""
         cycles = min(self.code.cycles, self.cycles - first)
+        data = self._next(file)
+        packet = Packet.of(data)
+        while packet.code in CODES:
+            if (packet.first, packet.cycles) != (first, cycles):
+                raise Damaged("packets in another order")
+            yield data
+            data = self._next(file)
+            packet = Packet.of(data)
         for layer in range(self.code.make().layers):
             for tile in range(self._tiles):
-                data = file.read(_NUMBER.size)
-                if len(data) < _NUMBER.size:
-                    raise Damaged("a file that is cut off")
-                (size,) = _NUMBER.unpack(data)
-                if not HEADER <= size <= _MOST:
-                    raise Damaged(f"a packet of {size} bytes")
-                data = file.read(size)
-                if len(data) < size:
-                    raise Damaged("a file that is cut off")
-                packet = Packet.of(data)
+                if layer or tile:
+                    data = self._next(file)
+                    packet = Packet.of(data)
                 place = (packet.code, packet.layer, packet.tile, packet.first, packet.cycles)
                 if place != (self.code.number, layer, tile, first, cycles):
                     raise Damaged("packets in another order")
                 yield data
+
+    def _next(self, file: BinaryIO) -> bytes:
+        """The next packet. Raises Damaged."""
+        data = file.read(_NUMBER.size)
+        if len(data) < _NUMBER.size:
+            raise Damaged("a file that is cut off")
+        (size,) = _NUMBER.unpack(data)
+        if not HEADER <= size <= _MOST:
+            raise Damaged(f"a packet of {size} bytes")
+        data = file.read(size)
+        if len(data) < size:
+            raise Damaged("a file that is cut off")
+        return data
 
     def read_words(self, first: int, stop: int) -> Words:
         """Words `first` to `stop` (excluded); see `SpikeStream`."""

@@ -34,6 +34,7 @@ from cosim.plan.paired import Span, windows
 from cosim.plan.tiles import PatchPlane
 from cosim.spikes.viform import WORD, Viform, Words, words_for
 from cosim.stage import Block, blocks
+from sensor.latched.ancillary import writes_of
 from sensor.latched.bounds import LatchedBounds
 from sensor.latched.camera import Gathering, SpikeCamera
 from sensor.latched.check.plan_check import PlanCheck
@@ -271,9 +272,11 @@ class LatchedCamera:
         light = scene.source
         notes = (*plan.notes, *light.notes, *put_back, *light.degraded, *beyond)
         bounds = LatchedBounds.of_plan(plan, measured, law)
+        setting = self.setting
+        said = writes_of(setting.phases, setting.threshold, setting.chip.height)
         return Filmed(
             words, cycles, self.setting.clock, error=bounds, notes=notes,
-            degraded=tuple(light.degraded),
+            degraded=tuple(light.degraded), ancillary=said,
         )  # fmt: skip
 
     def _check(self, plan: CameraPlan) -> PlanCheck:

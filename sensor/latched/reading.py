@@ -50,13 +50,14 @@ class ReadingCamera:
 
     Attributes:
         shape: (height, width) of the camera.
+        every, levels: cycles between two readings, and levels, as given.
     """
 
     def __init__(
         self, camera: SpikeCamera, setting: CameraSetting, every: int, levels: int
     ) -> None:
         self.shape = camera.shape
-        self._camera, self._every, self._levels = camera, every, levels
+        self._camera, self.every, self.levels = camera, every, levels
         self._threshold, self._seed = setting.threshold, setting.seed
         self._noisy = SHOT_NOISE in setting.effects
         pixels = self.shape[0] * self.shape[1]
@@ -71,10 +72,10 @@ class ReadingCamera:
             self._read()
         parts, start = [], block.start
         while start < block.stop:
-            stop = min(block.stop, (start // self._every + 1) * self._every)
+            stop = min(block.stop, (start // self.every + 1) * self.every)
             parts.append(self._camera.step(light, Block(start, stop - start)))
             self._fired |= parts[-1].words.any(axis=0).ravel()
-            if stop % self._every == 0:
+            if stop % self.every == 0:
                 self._read()
             start = stop
         return parts[0] if len(parts) == 1 else joined(parts)
@@ -92,14 +93,20 @@ class ReadingCamera:
             more = binomial(count, rest, self._numbers, frame, self._seed, Stream.CHARGE)
             self._electrons, self._share = before + more, np.maximum(share, known)
             electrons = self._electrons.astype(np.float64)
-        level = quantised(electrons, self._threshold, self._levels)
+        level = quantised(electrons, self._threshold, self.levels)
         self._taken.append(level.reshape(self.shape))
         self._fired = np.zeros_like(self._fired)
 
     def readings(self) -> Readings:
         """The readings so far."""
-        cycles = np.arange(len(self._taken), dtype=np.int64) * self._every
-        return Readings(cycles, np.stack(self._taken), self._levels)
+        cycles = np.arange(len(self._taken), dtype=np.int64) * self.every
+        return Readings(cycles, np.stack(self._taken), self.levels)
+
+    def gain(self, number: int) -> npt.NDArray[np.int64]:
+        """Levels from reading `number` - 1 to reading `number`, (H, W), 0 or more: those of a pixel
+        that has not fired between them."""
+        more = self._taken[number].astype(np.int64) - self._taken[number - 1]
+        return np.maximum(more, 0)
 
     def state(self) -> dict[str, npt.NDArray[Any]]:
         """The state that the next block depends on, and the readings so far."""

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from cosim.errors import InputError
 from cosim.spikes.viform import SpikeStream
-from sensor.reconstruct.intervals import TIES, Ties, tfi
+from sensor.reconstruct.intervals import TIES, Ties, interval_rate, interval_span, isi, tfi
 from sensor.reconstruct.motion import ALIGNED, motion_tfp
 from sensor.reconstruct.plasticity import MEMORY, tfstp
 from sensor.reconstruct.playback import PLAYED, tfp, tfp_span
 from sensor.reconstruct.readings import Dim, DimLight
+
+if TYPE_CHECKING:
+    from sensor.reconstruct.shots import Registers
 
 Make = Callable[[SpikeStream, int, Any, bool, Ties], "Image"]
 
@@ -125,8 +128,13 @@ def reconstruct(
     preceding: bool = False,
     ties: Ties = "before",
     dim_light: DimLight | None = None,
+    registers: Registers | None = None,
 ) -> Image:
     """The image of a stream at cycle `at`.
+
+    With writes to the threshold, a spike counts as much as it is of the nominal threshold: rates
+    are light in nominal thresholds a cycle. Intervals are those between the writes around the
+    instant. A row that is not read is black.
 
     Args:
         method: a name of `METHODS`.
@@ -134,6 +142,7 @@ def reconstruct(
         preceding: no spike after the instant is used.
         ties: interval of a pixel that fires at the instant: the one before it, or the one after.
         dim_light: how dim pixels are imaged; None for from spikes alone.
+        registers: thresholds and windows that are written in the stream; None for none.
 
     Raises:
         InputError: an unknown method, a cycle beyond the stream, or a window that the method does
@@ -148,8 +157,31 @@ def reconstruct(
             "--preceding", f"given with --method {names}", f"with {method}", "leave it out"
         )
     check_ties(ties, method)
-    image = chosen.make(stream, at, chosen.window if window is None else window, preceding, ties)
+    size = chosen.window if window is None else window
+    if registers is not None:
+        return _written(registers, stream, method, at, size, preceding, ties)
+    image = chosen.make(stream, at, size, preceding, ties)
     if dim_light is None:
         return image
     dim = dim_light.at(stream, at)
     return replace(image, rate=dim.put(image.rate), dim=dim)
+
+
+def _written(
+    registers: Registers, stream: SpikeStream, method: str, at: int, window: int | None,
+    preceding: bool, ties: Ties,
+) -> Image:  # fmt: skip
+    """An image of a stream with writes, see `reconstruct`."""
+    span = (at, at + 1)
+    if METHODS[method].ties:
+        within = interval_span(stream, at, window, preceding=preceding) or (0, stream.cycles)
+        first, stop = registers.untouched(at)
+        within = max(within[0], first), min(within[1], stop)
+        image = Image(interval_rate(isi(stream, at, within, ties)))
+    else:
+        assert window is not None
+        span = tfp_span(stream, at, window, preceding=preceding or method == "tfstp")
+        image = METHODS[method].make(stream, at, window, preceding, ties)
+    share = registers.shares(*span)
+    light = np.where(share > 0, image.rate / np.where(share > 0, share, 1), 0)
+    return replace(image, rate=light.astype(np.float32))

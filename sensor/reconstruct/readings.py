@@ -44,6 +44,20 @@ class Readings:
     level: npt.NDArray[np.uint16]
     levels: int
 
+    @property
+    def every(self) -> int:
+        """Cycles between two readings at whole multiples of them; 0 for fewer than two, or for
+        others."""
+        every = int(self.cycle[1]) if self.cycle.size > 1 else 0
+        return every if np.array_equal(self.cycle, np.arange(self.cycle.size) * every) else 0
+
+    def gain(self, number: int) -> npt.NDArray[np.int64]:
+        """Levels from reading `number` - 1 to reading `number`, (H, W), 0 or more: those of a pixel
+        that has not fired between them; none after the last reading."""
+        if number >= self.cycle.size:
+            return np.zeros(self.level.shape[1:], np.int64)
+        return np.maximum(self.level[number].astype(np.int64) - self.level[number - 1], 0)
+
     def rate(self, stream: SpikeStream, at: int) -> tuple[Mask, npt.NDArray[np.float32]]:
         """Pixels without a spike between the readings around cycle `at`, (H, W), and their light in
         spikes a cycle, 0 elsewhere. No pixel if a reading before or after the cycle is missing."""

@@ -24,6 +24,7 @@ from cosim.run.chain import STREAM
 from cosim.run.folder import how_to_resume, room_for
 from cosim.run.machine import Chain, Machine, Outcome, Page, Recording, Run
 from cosim.run.progress import Progress
+from cosim.run.result import Metric
 from scenarios.assemble.behind.board import BoardPanel, open_panel
 from scenarios.assemble.behind.link.coding import CutCode
 from scenarios.assemble.behind.link.ends import bare
@@ -42,7 +43,7 @@ from scenarios.assemble.source.feeds import Feed, Planes
 from sensor.latched.stages import SceneStage
 
 SHOWN: Final = "shown.zarr"
-"""The planes that the source has given, in the folder of a run whose recording are no planes."""
+"""The planes that stand behind the source, in the folder of a run whose recording are others."""
 
 
 def of_source(recording: Recording) -> Recording:
@@ -85,7 +86,7 @@ class Behind:
     def bits(self) -> int:
         """Upper limit of what is recorded beside the recording of the source, bits."""
         (height, width), sent = self.feed.shape, self.link
-        own = 0 if self.feed.live else self.feed.cycles * height * width
+        own = 0 if self.feed.live and not self.feed.dark else self.feed.cycles * height * width
         return own + (0 if sent is None else sent.pixel_cycles)
 
     @property
@@ -110,6 +111,14 @@ class Behind:
 
     def join(self, stages: dict[str, Any], folder: Path) -> dict[str, Any]:
         """The whole chain: stages that make planes, then those of the link and the display."""
+        telling = self.feed.telling()
+        if telling is not None:
+            stages = stages | {"ancillary": telling}
+        if self.feed.dark:  # these are other planes than those of the source's own recording
+            feed = self.feed
+            stages = stages | {
+                "planes to disk": Recorder(folder / SHOWN, feed.shape, feed.cycles, feed.clock)
+            }
         if self.board is not None:
             stages = stages | {"sink": self.board}
         if self.screen is not None:
@@ -255,10 +264,11 @@ class ChainMachine:
         inner = self.inner.judge(of_source(recording), progress)
         outcome = inner
         if self.feed.live:
-            given, stages, spent = STREAM, recording.chain.stages, seconds
+            given = SHOWN if self.feed.dark else STREAM
+            stages, spent = recording.chain.stages, seconds
         else:
             planes = self.feed.planes(recording, inner)
-            given = STREAM if planes.stored else SHOWN
+            given = STREAM if planes.stored and not self.feed.dark else SHOWN
             stages, spent = behind.play(planes, folder, seconds, progress)
             outcome = replace(
                 inner,
@@ -266,6 +276,12 @@ class ChainMachine:
                 files=[*inner.files, *([] if planes.stored else [SHOWN])],
                 notes=[*inner.notes, *planes.notes()],
             )
+        if self.feed.dark:
+            rejected = Metric(float(bare(stages["ancillary"]).rejected), "1")
+            outcome = replace(
+                outcome, files=[*outcome.files, SHOWN],
+                metrics=outcome.metrics | {"dark_spikes_rejected": rejected},
+            )  # fmt: skip
         screen, link, seen = behind.screen, behind.link, None
         if screen is not None:
             shown = ZarrStream(folder / (given if link is None else RECEIVED))

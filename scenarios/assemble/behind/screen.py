@@ -186,6 +186,7 @@ def make_screen(
     pursuit, setting = feed.pursuit(section), feed.planned
     if setting is None:
         panel = section.panel(feed.shape, feed.clock, 0.0, feed.white_rate)
+        panel = replace(panel, dark=feed.dark, residues=feed.residues)
         setting = section.setting(panel, instants, feed.cycles, pursuit.velocity)
     chain = make_display_chain(
         section, feed.shape, None if feed.scene is None else feed.scene.illuminance, feed.cycles,

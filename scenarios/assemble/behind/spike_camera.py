@@ -18,10 +18,10 @@ from cosim.files import Recorder, ZarrStream
 from cosim.report.parts import Card, figure
 from cosim.report.png import for_display, pictures_wanted, write_linear_png
 from cosim.run.result import Metric
-from cosim.spikes.viform import WORD, Viform
+from cosim.spikes.viform import Viform
 from cosim.stage import section
 from display.panels.panel import SpikePanel
-from display.plan.pixels import PanelPixels
+from display.plan.pixels import FilmedPixels
 from display.report.shown import Shown
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.lens import LUMINANCE, LensChoice, choose_lens
@@ -73,8 +73,8 @@ class _Filming:
     def __init__(self, filmer: SpikesFilmer, recorder: Recorder) -> None:
         self._filmer, self._recorder = filmer, recorder
         panel, setting = filmer.panel, filmer.setting
-        height, width = panel.shape
-        self._pixels = PanelPixels(panel, height * width)
+        height = panel.shape[0]
+        self._pixels = FilmedPixels(panel, filmer.mapping)
         delay = np.floor(np.arange(height) * panel.row_delay / height).astype(np.int64)
         self._camera = SpikeCamera(setting, filmer.device, row_delay=delay)
         self._relay = filmer.choice.lens.relay(setting.chip.pitch)
@@ -85,11 +85,8 @@ class _Filming:
     def step(self, data: Viform, block: Block) -> Viform:
         """Films the planes of one block; blocks begin at whole words."""
         filmer, panel = self._filmer, self._filmer.panel
-        words = data.words if filmer.mapping is None else filmer.mapping(data.words)
-        for word, first in enumerate(range(0, block.cycles, WORD)):
-            planes = min(WORD, block.cycles - first)
-            light = self._pixels.light(words[word : word + 1].reshape(1, -1), planes, 1)
-            light *= filmer.lux / panel.white_rate
+        for planes, packets in self._pixels.words(data):
+            light = packets * (filmer.lux / panel.white_rate)
             for level in light.reshape(planes, *panel.shape).astype(np.float32):
                 start, stop = panel.start(self._plane), panel.start(self._plane + 1)
                 self._pieces.append(Piece(start, stop, level, level))

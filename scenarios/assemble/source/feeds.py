@@ -33,6 +33,7 @@ from display.section import DisplaySection
 from display.setting import DisplaySetting
 from scenarios.scenes.catalogue import SceneSection
 from scenarios.scenes.kinds.grid import SceneGrid
+from sensor.latched.writes import Registers
 
 if TYPE_CHECKING:
     from cosim.plan.paired import Words
@@ -110,6 +111,10 @@ class Feed:
         pst_lm: whether PstLM is probed: a minute of light takes slow pixels minutes.
         device: OpenCL device that the machine has opened; None for none.
         mosaic: filter array on the pixels; None for none.
+        dark: cycles from which on the chip rejects an interval, 0 for none: what stands behind it
+            has the planes without those spikes.
+        residues: whether planes of charges below threshold come with the spikes.
+        registers: thresholds and windows that are written during the stream; None for none.
     """
 
     pst_lm: ClassVar[bool] = False
@@ -124,6 +129,9 @@ class Feed:
     live: bool = False
     device: Device | None = None
     mosaic: Mosaic | None = None
+    dark: int = 0
+    residues: bool = False
+    registers: Registers | None = None
 
     @property
     def planned(self) -> DisplaySetting | None:
@@ -150,6 +158,11 @@ class Feed:
 
     def probe_camera(self) -> ProbeCamera | None:
         """The source in the small, for the probes of a display; None if it has none."""
+        return None
+
+    def telling(self) -> Stage | None:
+        """The stage that adds to planes that are live what their source says beyond the spikes;
+        None if it says nothing."""
         return None
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:

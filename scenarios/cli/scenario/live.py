@@ -29,12 +29,13 @@ def live(
     """Show the display of a scenario in a window during the simulation (needs the extra view)."""
     from display import open_window
     from scenarios.assemble.behind.readout import refuse_readout
-    from scenarios.assemble.pixel_kinds import refuse_leftovers
+    from scenarios.assemble.pixel_kinds import refuse_beyond, refuse_leftovers
     from scenarios.assemble.schema.loading import filmed
 
     name, any_kind = options.load(scenario)
     loaded = filmed(any_kind, "live")
     refuse_leftovers(loaded)
+    refuse_beyond(loaded, "viform live", "its window shows spikes of one size alone")
     refuse_readout(loaded, "live")
     progress = make_progress()
     try:

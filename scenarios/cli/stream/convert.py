@@ -83,7 +83,9 @@ def convert(
     """
     from cosim import InputError
     from cosim.config.amounts import count
-    from cosim.files import FORMATS, ending_of, locate_stream, notes_of, write_stream
+    from cosim.files import FORMATS, ending_of, locate_stream, losses, notes_of, write_stream
+    from cosim.spikes.staged import ToldStream
+    from scenarios.assemble.source.latched.dim import said_by_run
     from sensor.codec.files import choose_code, is_coded, left, open_any, write_coded
     from sensor.reconstruct.clip import CLIPS, write_clip
 
@@ -115,13 +117,17 @@ def convert(
     progress = make_progress()
     try:
         opened, notes = open_any(source, pixels)
+        said = said_by_run(source)
+        if said is not None:
+            opened = ToldStream(opened, said.told(opened))
         if is_clip:
             defaults = {"window": 41, "every": 20, "scale": 1.0, "rate": 25.0}
             write_clip(opened, out, **(defaults | chosen), progress=progress)
         elif coded is not None:
             write_coded(opened, out, coded)
+            lost = losses(opened, out, ending_of(out))
             if not coded.lossless:
-                lost = [f"{out} holds only {left(coded)}"]
+                lost.append(f"{out} holds only {left(coded)}")
         else:
             lost = write_stream(opened, out, head=head, config=config)
     finally:

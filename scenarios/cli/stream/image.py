@@ -48,7 +48,8 @@ def image(
     json: Json = False,
 ) -> None:
     """Write the image at an instant: round(255 clip(x / scale, 0, 1)), 8-bit grey, or x as .npy. A
-    run that reads below threshold, or rejects the dark, has its dim pixels by that."""
+    run that reads below threshold, or rejects the dark, has its dim pixels by that; with register
+    writes x is in spikes of the nominal threshold."""
     import math
     from dataclasses import replace
 
@@ -59,7 +60,7 @@ def image(
     from cosim.files import notes_of
     from cosim.files.atomic import atomic_write
     from cosim.report.png import to_linear_bytes, write_png
-    from scenarios.assemble.source.latched.dim import dim_of_run
+    from scenarios.assemble.source.latched.dim import dim_of_run, registers_in
     from sensor import isi, tau_levels
     from sensor.codec.files import open_any
     from sensor.reconstruct import METHODS, reconstruct
@@ -107,8 +108,9 @@ def image(
         if window is None:
             window = METHODS[method].window
         made = reconstruct(
-            opened, method, at, window, preceding=preceding, ties=held, dim_light=light
-        )
+            opened, method, at, window, preceding=preceding, ties=held, dim_light=light,
+            registers=registers_in(opened, stream),
+        )  # fmt: skip
         values, dim, used, plain, one_sided = (
             made.rate, made.dim, made.cycles, made.plain, made.one_sided
         )  # fmt: skip

@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from cosim import SpikeStream, Viform
 from cosim.compute.stopping import threads
+from cosim.spikes.ancillary import Ancillary, from_arrays, to_arrays
 from cosim.spikes.viform import WORD, Words, spikes_beyond, words_for
-from cosim.stage import State
+from cosim.stage import State, section
 from sensor.codec.coding import workers
 from sensor.codec.columns import Damaged
+from sensor.codec.packets.ancillary import CODES, AncillaryDecoder
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.fill import steady
 from sensor.codec.packets.packet import Layer, Packet, Tiles
@@ -111,6 +113,7 @@ class Decoded:
         held: (rows, columns) of tiles; whether a tile's spikes are, in any of these cycles, those
             of the rate that it had last.
         missing: the same of tiles that were never received, whose bits are 0.
+        ancillary: what the source says beyond the spikes in these cycles.
     """
 
     words: Words
@@ -118,6 +121,7 @@ class Decoded:
     cycles: int
     held: Mask
     missing: Mask
+    ancillary: tuple[Ancillary, ...] = ()
 
 
 class StreamDecoder:
@@ -139,6 +143,7 @@ class StreamDecoder:
         self._held = np.zeros(self._tiles.grid, bool)
         self._missing = np.zeros(self._tiles.grid, bool)
         self._counts = dict.fromkeys(COUNTERS, 0)
+        self._ancillary = AncillaryDecoder(self._tiles)
 
     @property
     def statistics(self) -> dict[str, int]:
@@ -154,20 +159,23 @@ class StreamDecoder:
         except Damaged:
             self._counts["refused"] += 1
             return False
-        group = self._code.cycles
-        if (
-            packet.code != self._code.number
-            or packet.layer >= self._maker.layers
-            or packet.tile >= len(self._tiles)
-            or packet.first % group
-            or packet.cycles > group
-        ):
+        group, said = self._code.cycles, packet.code in CODES
+        spikes = (
+            packet.code == self._code.number
+            and packet.layer < self._maker.layers
+            and packet.tile < len(self._tiles)
+        )
+        if not (spikes or said) or packet.first % group or packet.cycles > group:
             self._counts["refused"] += 1
             return False
         begun = packet.first == self._at // group * group and len(self._group) > 0
         if packet.first < self._at or begun:
             self._counts["late"] += 1
             return False
+        if said:
+            taken = self._ancillary.take(packet)
+            self._counts["taken" if taken else "refused"] += 1
+            return taken
         self._packets.setdefault(packet.first, {})[packet.tile, packet.layer] = packet
         self._counts["taken"] += 1
         return True
@@ -196,7 +204,8 @@ class StreamDecoder:
                 self._group = self._group[:0]
         if len(words) and until_cycle % WORD:
             words[-1] &= np.uint32((1 << until_cycle % WORD) - 1)
-        return Decoded(words, first, until_cycle - first, held, missing)
+        said = self._ancillary.read(first, until_cycle)
+        return Decoded(words, first, until_cycle - first, held, missing, said)
 
     def _decode(self, begin: int) -> None:
         """Decodes the group at cycle `begin` with what is there, and forgets its packets."""
@@ -239,7 +248,9 @@ class StreamDecoder:
 
     def state(self) -> State:
         """Packets that wait, the group that is being read, and the last rates."""
-        waiting = [p.to_bytes() for group in self._packets.values() for p in group.values()]
+        every = [p for group in self._packets.values() for p in group.values()]
+        waiting = [p.to_bytes() for p in [*every, *self._ancillary.waiting]]
+        known = {f"known/{k}": v for k, v in to_arrays(self._ancillary.known).items()}
         return {
             "at": np.array([self._at], np.int64),
             "packets": np.frombuffer(b"".join(waiting), np.uint8).copy(),
@@ -250,17 +261,22 @@ class StreamDecoder:
             "held": self._held.copy(),
             "missing": self._missing.copy(),
             "counts": np.array([self._counts[name] for name in COUNTERS], np.int64),
+            **known,
         }
 
     def restore(self, state: State) -> None:
         """Goes on from a state."""
         (self._at,) = (int(n) for n in state["at"])
         self._packets = {}
-        data, place = state["packets"].tobytes(), 0
+        data, place, said = state["packets"].tobytes(), 0, []
         for length in state["lengths"]:
             packet = Packet.of(data[place : place + int(length)])
-            self._packets.setdefault(packet.first, {})[packet.tile, packet.layer] = packet
+            if packet.code in CODES:
+                said.append(packet)
+            else:
+                self._packets.setdefault(packet.first, {})[packet.tile, packet.layer] = packet
             place += int(length)
+        self._ancillary.restore(said, from_arrays(section(state, "known")))
         parts: Any = (state[name].copy() for name in ("rate", "over", "group", "held", "missing"))
         self._rate, self._over, self._group, self._held, self._missing = parts
         self._counts = {n: int(v) for n, v in zip(COUNTERS, state["counts"], strict=True)}

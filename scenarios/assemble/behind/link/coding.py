@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from cosim import Clock, Light, Viform
 from cosim.plan.tiles import PatchPlane
+from cosim.spikes.ancillary import Ancillary, from_arrays, to_arrays
 from cosim.spikes.viform import WORD, Words, words_for
-from cosim.stage import BLOCK, State, blocks
+from cosim.stage import BLOCK, State, blocks, section
 from display.probes.setup import ProbeCamera
 from sensor.codec.columns import Damaged
+from sensor.codec.packets.ancillary import WRITE, AncillaryEncoder
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import Packet, Tiles
@@ -38,6 +40,8 @@ class Counts:
         dropped_spikes: spikes whose time only those packets have.
         peak_bytes: largest content of the send buffer.
         layers: packets sent of each layer.
+        ancillary_bytes: packets of what the source says beyond its spikes that were sent.
+        ancillary_dropped: packets of it that did not fit into half of the send buffer.
     """
 
     coded_bytes: int
@@ -46,6 +50,8 @@ class Counts:
     dropped_spikes: int
     peak_bytes: int
     layers: tuple[int, ...]
+    ancillary_bytes: int = 0
+    ancillary_dropped: int = 0
 
 
 class Sender:
@@ -66,6 +72,8 @@ class Sender:
     ) -> None:
         self._code, self._control = code, control
         self._encoder = StreamEncoder(code, shape)
+        self._ancillary = AncillaryEncoder(Tiles(shape, code.tile))
+        self._said_bytes = self._said_dropped = self._begun = 0
         self._cycles = cycles
         self._queue: deque[tuple[int, bytes]] = deque()
         self._cut: dict[tuple[int, int], int] = {}
@@ -81,10 +89,12 @@ class Sender:
         return Counts(
             count["offered_bytes"], count["sent_bytes"], count["dropped_packets"],
             count["dropped_spikes"], control.buffer.peak, tuple(control.layers_sent),
+            self._said_bytes, self._said_dropped,
         )  # fmt: skip
 
     def put(self, data: Viform) -> None:
         """Codes the next block. A packet can be sent from the end of its last cycle on."""
+        self._ancillary.take(data.ancillary)
         packets = self._encoder.encode(data.words, data.start, data.cycles)
         stop = data.start + data.cycles
         if stop == self._cycles:
@@ -94,12 +104,27 @@ class Sender:
             groups.setdefault(packet.first + packet.cycles, []).append(packet)
         for end, group in groups.items():
             self._control.send(end)
+            self._say(group[0].first, group[0].cycles, end)
             left_out = self._control.offer(group, end)
             for packet in left_out:
                 place = packet.first, packet.tile
                 self._cut[place] = min(self._cut.get(place, packet.layer), packet.layer)
             left = {id(packet) for packet in left_out}
             self._queue.extend((end, p.to_bytes()) for p in group if id(p) not in left)
+
+    def _say(self, first: int, cycles: int, end: int) -> None:
+        """Sends the ancillary data of a group before its spikes. Charges leave half of the buffer
+        to these."""
+        buffer = self._control.buffer
+        for packet in self._ancillary.group(first, cycles):
+            most = buffer.limit if packet.code == WRITE else buffer.limit // 2
+            if buffer.size + packet.size > most:
+                self._said_dropped += 1
+                continue
+            buffer.push(packet, end)
+            self._said_bytes += packet.size
+            self._queue.append((end, packet.to_bytes()))
+        self._begun = end
 
     def pop(self, before: int) -> bytes | None:
         """The next packet that can be sent from cycle `before` on or earlier; None for none."""
@@ -116,7 +141,7 @@ class Sender:
             self.put(Viform(words, block.cycles, stream.clock, block.start))
         while (packet := self.pop(stream.cycles)) is not None:
             decoder.take(packet)
-        words, _, _ = decoder.read(stream.cycles)
+        words, *_ = decoder.read(stream.cycles)
         return Viform(words, stream.cycles, stream.clock, stream.start)
 
     def state(self) -> State:
@@ -126,6 +151,9 @@ class Sender:
             "ends": np.array([end for end, _ in self._queue], np.int64),
             "lengths": np.array([len(data) for data in waiting], np.int64),
             "packets": np.frombuffer(b"".join(waiting), np.uint8).copy(),
+            "said": np.array([self._said_bytes, self._said_dropped, self._begun], np.int64),
+            **{f"ancillary/{key}": value
+               for key, value in to_arrays(self._ancillary.state()).items()},
             "cut": np.array([(*key, n) for key, n in self._cut.items()], np.int64).reshape(-1, 3),
             **{f"{part}/{key}": value for part, state in parts.items()
                for key, value in state.items()},
@@ -137,6 +165,8 @@ class Sender:
             stage.restore(
                 {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
             )
+        self._said_bytes, self._said_dropped, self._begun = (int(n) for n in state["said"])
+        self._ancillary.restore(from_arrays(section(state, "ancillary")), self._begun)
         self._cut = {(int(first), int(tile)): int(n) for first, tile, n in state["cut"]}
         data, at = state["packets"].tobytes(), 0
         self._queue.clear()
@@ -167,12 +197,12 @@ class Decoder:
             return None
         return read.first + read.cycles
 
-    def read(self, stop: int) -> tuple[Words, Mask, Mask]:
+    def read(self, stop: int) -> tuple[Words, Mask, Mask, tuple[Ancillary, ...]]:
         """The words of the cycles before `stop` that were not read yet, the tiles of which nothing
-        has ever arrived, (rows, columns) bool, and those that are shown with the rate that they had
-        last."""
+        has ever arrived, (rows, columns) bool, those that are shown with the rate that they had
+        last, and what the source says beyond its spikes."""
         decoded = self._decoder.read(stop)
-        return decoded.words, decoded.missing, decoded.held
+        return decoded.words, decoded.missing, decoded.held, decoded.ancillary
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,7 +159,7 @@ class FarEnd:
             self.arrivals.append((tick, LENGTH + len(packet), end))
 
     def _blocks(self, stop: int) -> list[Viform]:
-        words, missing, held = self._decoder.read(stop)
+        words, missing, held, said = self._decoder.read(stop)
         lost, kept = int(missing.sum()), int(held.sum())
         if lost or kept:
             self.gaps.append((self._shown, lost, kept))
@@ -170,6 +170,7 @@ class FarEnd:
             Viform(
                 words[each.start // WORD : -(-each.stop // WORD)], each.cycles,
                 self._schedule.clock, first + each.start,
+                tuple(e for e in said if each.start <= e.cycle - first < each.stop),
             )
             for each in blocks(stop - first, BLOCK)
         ]  # fmt: skip

@@ -25,6 +25,7 @@ from display.probes.setup import ProbeCamera
 from link.evaluation.delay import LIGHT
 from link.evaluation.metrics import lock_metrics
 from link.receiving import Received
+from scenarios.assemble.behind.link.coding import Counts
 from scenarios.assemble.behind.link.ends import FarEnd, NearEnd
 from scenarios.assemble.behind.link.rates import RatePoint, code_rates
 from scenarios.assemble.behind.link.stream_link import LINK_STREAM, RECEIVED, StreamLink
@@ -128,7 +129,19 @@ def _fidelity(watch: Watch, spikes: float, lost: int, added: int) -> str:
 
 
 def _psnr(shots: Sequence[Shot]) -> Metric:
-    return judge(shots, LATCHED)["tfp_psnr"]
+    """PSNR of the rows that are read in the whole window."""
+    seen = [shot.read for shot in shots if shot.rows[0] < shot.rows[1]]
+    return judge(seen, LATCHED)["tfp_psnr"]
+
+
+def _said(count: Counts) -> dict[str, Metric]:
+    """What the source said beyond its spikes; nothing if it said nothing."""
+    if not count.ancillary_bytes + count.ancillary_dropped:
+        return {}
+    return {
+        "ancillary_bytes": Metric(count.ancillary_bytes, "bytes"),
+        "ancillary_dropped": Metric(count.ancillary_dropped, "packets"),
+    }
 
 
 def _typical(shots: Sequence[Shot]) -> Shot:
@@ -214,7 +227,7 @@ def judge_stream_link(
     direct, through = (
         take_shots(
             each, truth, watch.instants, watch.image.window, watch.feed.white_rate,
-            preceding=watch.image.preceding,
+            preceding=watch.image.preceding, registers=watch.feed.registers,
         )
         for each in streams
     )  # fmt: skip
@@ -256,6 +269,7 @@ def judge_stream_link(
         "added_spikes": Metric(added, "spikes"),
         "packets_dropped": Metric(count.dropped, "packets"),
         "packets_late": Metric(far.late, "packets"),
+        **_said(count),
         "tiles_missing": Metric(far.missing, "tiles"),
         "tiles_held": Metric(sum(held for _, _, held in far.gaps), "tiles"),
         "recovery_us": Metric(
@@ -279,10 +293,10 @@ def judge_stream_link(
     rated = _typical(direct)
     rates = code_rates(
         streams[0], rated, stream.code, stream.feed.threshold, stream.feed.noise,
-        watch.image.window, watch.feed.white_rate,
+        watch.image.window, rated.white,
     )  # fmt: skip
     seconds["rates"] = time.perf_counter() - begin
-    worse = _causes(link, received, far, count.dropped)
+    worse = _causes(link, received, far, count)
     error = outcome.error
     if error.kind is not None and "behind a code" not in error.kind:
         error = replace(error, kind=f"{error.kind}; before the link")
@@ -328,7 +342,7 @@ def _recovery(link: StreamLink, far: FarEnd) -> float | None:
     return max(whole - max(ends), 0) * 1e6 / clock.hz
 
 
-def _causes(link: StreamLink, received: Received, far: FarEnd, dropped: int) -> list[str]:
+def _causes(link: StreamLink, received: Received, far: FarEnd, count: Counts) -> list[str]:
     """What the stream has lost on its way, and why."""
     causes = []
     verdict = f"{received.verdict.cause.value}: {received.verdict.text}"
@@ -343,9 +357,14 @@ def _causes(link: StreamLink, received: Received, far: FarEnd, dropped: int) -> 
         causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
     elif lost:
         causes.append(f"{lost} frames of the link were lost: {verdict}")
-    if dropped:
+    if count.dropped:
         causes.append(
-            f"{dropped} packets were not sent: the link carries less than the stream brings"
+            f"{count.dropped} packets were not sent: the link carries less than the stream brings"
+        )
+    if count.ancillary_dropped:
+        causes.append(
+            f"{count.ancillary_dropped} packets of charges below threshold were not sent: they "
+            "take more than half of the send buffer"
         )
     if far.gaps:
         first, last = far.gaps[0][0], far.gaps[-1][0] + link.section.cycles

@@ -4,15 +4,19 @@ in a scenario, and how the images of a run have them."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from cosim import InputError
+from cosim import Block, InputError, SpikeStream, Viform
 from cosim.config.amounts import amount
 from cosim.config.toml import read_toml
 from cosim.run.result import Metric
+from cosim.spikes.ancillary import Ancillary
+from cosim.spikes.staged import StreamStage
+from cosim.stage import BLOCK, Stage, blocks
 from sensor import CameraSetting, SpikeCamera
 from sensor.dynamic_range import (
     dark_limit,
@@ -20,8 +24,16 @@ from sensor.dynamic_range import (
     seen_dark_share,
     spike_dynamic_range,
 )
+from sensor.latched.ancillary import MOST_DARK, AncillaryStage, registers_of
 from sensor.latched.reading import ReadingCamera
-from sensor.reconstruct.readings import READINGS, DimLight, read_readings, write_readings
+from sensor.latched.writes import Registers
+from sensor.reconstruct.readings import (
+    READINGS,
+    DimLight,
+    Readings,
+    read_readings,
+    write_readings,
+)
 from sensor.reconstruct.shots import Shot
 from sensor.sections.sensor import DarkMargin, SensorSection
 
@@ -86,6 +98,16 @@ def dark_cycles(section: SensorSection, setting: CameraSetting) -> float:
             repr(written), "take a smaller margin, or a duration",
         )  # fmt: skip
     return cycles
+
+
+def rejected_from(section: SensorSection, setting: CameraSetting) -> int:
+    """Whole cycles from which on an interval is rejected, for a display; 0 for never in a run."""
+    return whole_dark(dark_cycles(section, setting))
+
+
+def whole_dark(cycles: float) -> int:
+    """A width as whole cycles, see `rejected_from`."""
+    return math.ceil(cycles) if cycles <= MOST_DARK else 0
 
 
 def _law_of_the_dark(setting: CameraSetting) -> tuple[float, float, float] | None:
@@ -161,14 +183,97 @@ def dim_of_run(folder: Path) -> DimLight | None:
 
 def _dark_cycles(path: Path) -> float:
     """Width in cycles from which on the run rejects an interval; infinite for none."""
+    found = _camera_of(path, ("dark_limit",))
+    return math.inf if found is None else dark_cycles(*found)
+
+
+def _camera_of(path: Path, keys: tuple[str, ...]) -> tuple[SensorSection, CameraSetting] | None:
+    """The camera of the scenario of a run, if it has one of these keys of [sensor]."""
     try:
         data = read_toml(path)
     except (OSError, ValueError):  # a stream may lie in any folder
-        return math.inf
-    if "dark_limit" not in data.get("sensor", {}):
-        return math.inf
+        return None
+    if not any(key in data.get("sensor", {}) for key in keys):
+        return None
     from scenarios.assemble.chip import camera_setting
     from scenarios.assemble.schema.loading import filmed, load
 
     scenario = filmed(load(str(path))[1], "image")
-    return dark_cycles(scenario.sensor, camera_setting(scenario))
+    return scenario.sensor, camera_setting(scenario)
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What the chip of a recorded run says beyond its spikes.
+
+    Attributes:
+        setting: the camera.
+        readings: readings below threshold; None for none.
+        dark: width in cycles from which on an interval is rejected; infinite for none.
+    """
+
+    setting: CameraSetting
+    readings: Readings | None
+    dark: float
+
+    def stage(self, shape: tuple[int, int]) -> AncillaryStage:
+        """The stage that adds it to the recording."""
+        setting = self.setting
+        return AncillaryStage(shape, setting.phases, setting.threshold, self.readings, self.dark)
+
+    @property
+    def panel(self) -> dict[str, Any]:
+        """Fields of the `SpikePanel` that shows it."""
+        return {"dark": whole_dark(self.dark), "residues": self.readings is not None}
+
+    def told(self, stream: SpikeStream) -> tuple[Ancillary, ...]:
+        """What is said in the whole of the recording, without what is rejected."""
+        setting = self.setting
+        stage = AncillaryStage(
+            stream.shape, setting.phases, setting.threshold, self.readings, math.inf
+        )
+        source = StreamStage(stream)
+        planes = (
+            stage.step(source.step(None, block), block) for block in blocks(stream.cycles, BLOCK)
+        )
+        return tuple(each for part in planes for each in part.ancillary)
+
+    def after(self, source: Stage, shape: tuple[int, int]) -> Following:
+        """The stage that makes the recording, with what is said."""
+        return Following(source, self.stage(shape), shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """A source of planes and a stage that follows it, as one. shape: (height, width)."""
+
+    source: Stage
+    stage: Stage
+    shape: tuple[int, int]
+
+    def step(self, data: Any, block: Block) -> Viform:
+        """The planes of a block; `data` is not used."""
+        made: Viform = self.stage.step(self.source.step(None, block), block)
+        return made
+
+
+def said_by_run(folder: Path) -> Said | None:
+    """What the chip of the run in a folder says beyond its spikes; None for nothing, and for what
+    is no folder of a run with a latched camera."""
+    found = _camera_of(folder / _SCENARIO, ("writes", "sub_threshold", "dark_limit"))
+    if found is None:
+        return None
+    readings = read_readings(folder / READINGS) if (folder / READINGS).exists() else None
+    if readings is not None and not readings.every:  # a run of less than the time between two
+        readings = None
+    return Said(found[1], readings, dark_cycles(*found))
+
+
+def registers_in(stream: SpikeStream, path: Path | None) -> Registers | None:
+    """Thresholds and windows that are written in a stream; None for none. path: its file, or the
+    folder of its run; None for a stream in memory."""
+    said = None if path is None else said_by_run(path)
+    if said is not None:
+        return said.setting.registers
+    told, start = getattr(stream, "ancillary", ()), int(getattr(stream, "start", 0))
+    return registers_of(told, stream.shape[0], start)

@@ -19,7 +19,10 @@ from display import DisplaySetting
 from display.chain.pursuit import Pursuit
 from display.section import DisplaySection
 from scenarios.assemble.source.feeds import Feed
+from scenarios.assemble.source.latched.dim import dark_cycles, rejected_from
 from sensor import CameraSetting, SpikeCamera
+from sensor.latched.ancillary import AncillaryStage
+from sensor.latched.reading import ReadingCamera
 from sensor.latched.sampling import row_offsets
 
 NOISY: Final = 1 << 16
@@ -49,7 +52,9 @@ class LatchedFeed(Feed):
         super().__init__(
             setup.shape, setting.clock, setup.cycles, setup.white_rate, "", machine.scenario.scene,
             setting.threshold, setting.threshold_noise, live=True, device=setup.device,
-            mosaic=setup.mosaic,
+            mosaic=setup.mosaic, dark=rejected_from(machine.scenario.sensor, setting),
+            residues=machine.scenario.sensor.sub_threshold is not None,
+            registers=setting.registers,
         )  # fmt: skip
 
     @property
@@ -64,7 +69,17 @@ class LatchedFeed(Feed):
         return self._machine.setup.pursuit
 
     def probe_camera(self) -> SpikeProbeCamera:
-        return SpikeProbeCamera(self._machine.setup.setting, self.device)
+        # Probes are of the threshold before the first write.
+        return SpikeProbeCamera(replace(self._machine.setup.setting, writes=()), self.device)
+
+    def telling(self) -> AncillaryStage | None:
+        machine = self._machine
+        setup, setting = machine.setup, machine.setup.setting
+        if not setup.says_more:
+            return None
+        charges = machine.camera if isinstance(machine.camera, ReadingCamera) else None
+        dark = dark_cycles(machine.scenario.sensor, setting)
+        return AncillaryStage(setup.shape, setting.phases, setting.threshold, charges, dark)
 
     def renewed(self, machine: LatchedMachine) -> LatchedFeed:
         return LatchedFeed(machine)

@@ -19,6 +19,7 @@ from display.chain.pursuit import Pursuit, pursuit_of
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.lens import LensChoice, choose_lens, choose_mosaic
+from scenarios.assemble.pixel_kinds import says_more
 from scenarios.assemble.schema.scenario import Scenario
 from scenarios.assemble.source.latched.dim import check_dim
 from scenarios.assemble.source.latched.plan import RunPlan, plan_run
@@ -114,10 +115,16 @@ class CameraSetup:
             return Pursuit(0.0, "")
         return pursuit_of(self.source(), self.end, section.pursuit)
 
+    @property
+    def says_more(self) -> bool:
+        """Whether the chip says more than its spikes to what stands behind it."""
+        return bool(says_more(self.scenario))
+
     @cached_property
     def display(self) -> DisplaySetting | None:
-        """The display with every effect, None without one. Raises InputError for a panel that
-        cannot show the stream."""
+        """The display with every effect, None without one, and for a chip that says more than its
+        spikes, whose patches the check does not show. Raises InputError for a panel that cannot
+        show the stream."""
         section = self.scenario.display
         if section is None:
             return None
@@ -133,7 +140,8 @@ class CameraSetup:
             )  # fmt: skip
         clock, skew = self.setting.clock, self.setting.row_skew
         panel = section.panel(self.shape, clock, skew, self.white_rate)
-        return section.setting(panel, self.instants, self.cycles, self.pursuit.velocity)
+        setting = section.setting(panel, self.instants, self.cycles, self.pursuit.velocity)
+        return None if self.says_more else setting
 
     def plan(self, tolerance: float, **choice: Any) -> RunPlan:
         """Plans the run. `choice` holds the arguments `forced` and `tier` of `plan_run`."""

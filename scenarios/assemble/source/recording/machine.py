@@ -28,11 +28,13 @@ from cosim.run.result import Error, Metric, Throughput, viform_version
 from cosim.spikes.clocked import (
     ClockedEvents,
 )
-from cosim.spikes.staged import StreamStage
+from cosim.spikes.staged import StreamStage, Telling
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.feeds import Feed, Planes
+from scenarios.assemble.source.latched.dim import said_by_run
 from scenarios.assemble.source.recording.opening import Recording, open_recording
+from sensor.latched.ancillary import AncillaryStage
 from sensor.reconstruct.fidelity import Estimate, to_white
 from sensor.reconstruct.intervals import tfi
 from sensor.reconstruct.playback import tfp
@@ -204,10 +206,19 @@ class RecordedFeed(Feed):
     def __init__(self, machine: RecordingMachine, live: bool = False) -> None:
         """live: whether the stream is read while the run goes on; its white is told at the end."""
         found = machine.recording
+        said = None if live else said_by_run(found.path)
+        self._said, self._telling = said, Telling(None if live else found.stream)
         super().__init__(
             found.shape, found.clock, found.cycles, found.white_rate,
             "" if live else f"{found.white_rate:.3g} spikes a cycle", live=live,
+            registers=None if said is None else said.setting.registers,
+            **({"residues": self._telling.charges} if said is None else said.panel),
         )  # fmt: skip
+
+    def telling(self) -> AncillaryStage | Telling | None:
+        if self._said is not None:
+            return self._said.stage(self.shape)
+        return self._telling or None
 
     def planes(self, recording: Recorded, outcome: Outcome) -> Planes:
         """See `Feed`."""

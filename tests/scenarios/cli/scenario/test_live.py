@@ -53,6 +53,11 @@ def test_a_run_is_shown_as_it_goes_on_and_ends_where_the_window_is_closed() -> N
     assert short.closed
 
 
+def test_a_chip_that_says_more_than_its_spikes_is_refused(refused):
+    line = refused("live", "step", "--set", 'sensor.writes=[{"cycle":9,"threshold_level":8}]')
+    assert "sensor.writes must be empty with viform live" in line and "one size alone" in line
+
+
 def test_without_the_package_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
 ) -> None:

@@ -74,7 +74,6 @@ def test_writes_land_on_their_cycles() -> None:
         (f"{HALF},{HALF}", (), "sensor.writes[1] must be after cycle 60"),
         ('{"cycle":160,"threshold_level":8}', (), "at cycles below 160, the end of the run"),
         (HALF, ("sensor.pixel=asynchronous",), "empty unless sensor.pixel = latched"),
-        (HALF, ("display.drive=hold",), "empty with a display"),
         (HALF, ("sensor.circuit.capacitance=10 fF",), "sensor.circuit must be absent with"),
         (HALF, ("sensor.dark_limit=1 ms",), "sensor.dark_limit must be absent with"),
         ('{"cycle":5,"threshold_level":1}', ("sensor.threshold=10 e",),
@@ -266,12 +265,3 @@ def test_images_use_the_intervals_between_writes() -> None:
     assert [round(shot.tfi[0, 2], 3) for shot in shots] == [0.5, 0.5, 0.5]
     assert shots[0].tfi[1, 0] == 1.0
     assert [shot.tfi[1].max() for shot in shots[1:]] == [0, 0]
-
-
-def test_writes_with_a_display_or_a_link_are_refused(refused) -> None:
-    assert "sensor.writes must be empty with a link" in refused(
-        "run", "step", "--set", f"sensor.writes=[{HALF}]", "--set", "link.distance=2 m"
-    )
-    assert "sensor.writes must be empty with a display" in refused(
-        "run", "glass", "--set", f"sensor.writes=[{HALF}]"
-    )
