@@ -155,10 +155,11 @@ class DisplaySection(Section):
         examples=["16 kHz"],
         description="binary planes per second of the reference projector; none for no projector",
     )
-    colour: Literal["as-camera"] | None = Field(
+    colour: Literal["as-camera", "matrix"] | None = Field(
         default=None,
         description="colour of the panel; as-camera: a pixel of the panel emits the colour of the "
-        "camera's filter in its place (sensor.colour); without it the panel has one colour",
+        "camera's filter in its place (sensor.colour); matrix: every pixel emits three primaries, "
+        "which a matrix mixes from the camera's colours; without it the panel has one colour",
     )
     renderer: RendererKind = Field(
         default="auto",

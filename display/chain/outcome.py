@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.compute.stopping import threads
-from cosim.light.mosaic import Mosaic, balanced
+from cosim.light.mosaic import Image
 from cosim.report.png import coloured, pictures_wanted, write_linear_png, write_png
 from cosim.run.result import Latency, Metric
 from display.chain.display import SPIKE, DisplayChain
@@ -20,6 +21,9 @@ from display.probes.metrics import GREY, Probes, display_metrics
 from display.quality.colorvideovdp import color_video_vdp
 from display.quality.fidelity import Fidelity, ImagesByObserver, display_fidelity
 from display.references.stage import TRUTH
+
+Colours = Callable[[Image], Image]
+"""Linear red, green and blue, (H, W, 3), of an image of a panel, (H, W); white = 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +123,13 @@ def chain_fidelity(chain: DisplayChain) -> list[Fidelity]:
 
 
 def write_observer_images(
-    folder: Path, outcome: DisplayOutcome, mosaic: Mosaic | None = None
+    folder: Path, outcome: DisplayOutcome, colours: Colours | None = None
 ) -> list[str]:
     """Writes the linear images of the middle instant, white = 255: images/eye-60hz.png,
     images/pursuit-truth.png, ... Returns their names.
 
-    mosaic: colours of the panel's pixels, None for one colour. The images at rest are then written
-    in colour too: images/colour-eye-60hz.png, ... The panel emits what the camera's pixels see, so
-    these are the camera's colours, balanced to white.
+    colours: makes a picture in colour, (H, W, 3), of an image, None for a panel of one colour. The
+    images at rest are then written in colour too: images/colour-eye-60hz.png, ...
     """
     if not pictures_wanted():
         return []
@@ -138,8 +141,8 @@ def write_observer_images(
                 name, image = f"{observer}-{metric_key(display)}.png", images[len(images) // 2]
                 path = folder / "images" / name
                 made[f"images/{name}"] = pool.submit(write_linear_png, path, image)
-                if mosaic is not None and observer != "pursuit":
+                if colours is not None and observer != "pursuit":
                     path = path.with_name(f"colour-{name}")
-                    colours = balanced(mosaic, image)
-                    made[f"images/{path.name}"] = pool.submit(write_png, path, coloured(colours))
+                    picture = coloured(colours(image))
+                    made[f"images/{path.name}"] = pool.submit(write_png, path, picture)
         return [name for name, each in made.items() if each.result() is None]

@@ -85,9 +85,8 @@ def _cases() -> list[Case]:
         found.append((f"run {name} 0.1", (*words, "--tolerance", "0.1")))
         if name in LATCHED:
             found.append((f"run {name} numba", (*words, "--device", "numba")))
-        if name != "continuous":
-            found.append((f"plan {name}", ("plan", scenario, *sets)))
-            found.append((f"accuracy {name}", ("accuracy", scenario, *sets)))
+        found.append((f"plan {name}", ("plan", scenario, *sets)))
+        found.append((f"accuracy {name}", ("accuracy", scenario, *sets)))
     board = _sets("board.level=model", "board.rows=4", "board.columns=40", "board.frames=12")
     at_both_ends = _sets(
         "sensor.source=serial:virtual",

@@ -9,17 +9,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim import SpikeStream
 from cosim.compute.opencl import Device
 from cosim.compute.stopping import threads
 from cosim.config.amounts import number
+from cosim.light.mosaic import Mosaic, balanced
 from cosim.run.machine import Outcome, Page, Run
 from cosim.run.progress import Progress
 from cosim.run.result import Metric, Throughput
 from display.camera.rolling import make_shutter
 from display.camera.stage import PanelCamera
-from display.chain.display import DisplayChain, make_display_chain
-from display.chain.outcome import DisplayOutcome, chain_fidelity, write_observer_images
+from display.chain.display import SPIKE, DisplayChain, make_display_chain
+from display.chain.outcome import (
+    Colours,
+    DisplayOutcome,
+    chain_fidelity,
+    write_observer_images,
+)
 from display.panels.panel import fit_words
 from display.probes.setup import ProbeCamera
 from display.report.filmed import FramesFilmer
@@ -34,6 +42,7 @@ from display.report.tables import display_lines
 from scenarios.assemble.behind.spike_camera import make_spikes_filmer
 from scenarios.assemble.schema.scenario import RecordingScenario, SpikesSection, StreamScenario
 from scenarios.assemble.source.feeds import Feed
+from scenarios.scenes.charts.patches import ColourChart, chart_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +114,13 @@ class Screen:
             seen = DisplayOutcome.of(chain, fidelity, probing.result())
         seconds["probes"] = time.perf_counter() - begin
         begin = time.perf_counter()
-        mosaic = None if chain.section.colour is None else feed.mosaic
-        files, filmed = write_observer_images(folder, seen, mosaic), {}
+        colours = _colours(chain.section.colour, feed.mosaic)
+        files, filmed = write_observer_images(folder, seen, colours), {}
+        if colours is not None and isinstance(feed.source, ColourChart):
+            filmed = _chart_metrics(seen, colours, feed.source)
         if self.camera is not None:
             files += self.camera.write(folder, [feed.clock.middle(n) for n in self.instants])
-            filmed = self.camera.metrics()
+            filmed |= self.camera.metrics()
         seconds["images of the display"] = time.perf_counter() - begin
         effects, own = [], {}
         if not feed.planned:  # else the plan of the source says both
@@ -164,6 +175,31 @@ class Screen:
             sections=[*body, *page.sections],
             files=list(dict.fromkeys([*files, *page.files, clip])),
         )
+
+
+def _colours(kind: str | None, mosaic: Mosaic | None) -> Colours | None:
+    """The colours of a panel: with "as-camera" those that the camera's pixels see, balanced to
+    white, with "matrix" what the fitted matrix makes of them; None for a panel of one colour."""
+    if kind is None or mosaic is None:
+        return None
+    if kind == "as-camera":
+        return partial(balanced, mosaic)
+    matrix = chart_matrix(mosaic).astype(np.float32)
+    return lambda image: balanced(mosaic, image) @ matrix.T
+
+
+def _chart_metrics(
+    seen: DisplayOutcome, colours: Colours, chart: ColourChart
+) -> dict[str, Metric]:  # fmt: skip
+    """Colour differences of the patches of the chart as an eye at rest sees them on the panel."""
+    image = seen.images[SPIKE].get("eye")
+    found = None if image is None else chart.differences(colours(image[len(image) // 2]))
+    why = "no eye at rest sees the patches, or they are too small"
+    mean, most = (None, None) if found is None else (float(found.mean()), float(found.max()))
+    return {
+        "eye_delta_e_2000": Metric(mean, "1", why),
+        "eye_delta_e_2000_max": Metric(most, "1", why),
+    }
 
 
 def make_screen(

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Light, Piece, Plane, seconds_to_ps
-from cosim.light.mosaic import Mosaic
+from cosim.light.mosaic import Image, Mosaic, delta_e_2000, fitted_matrix, lab
 
 PATCHES: Final = (
     ("dark skin", (115, 82, 68)), ("light skin", (194, 150, 130)), ("blue sky", (98, 122, 157)),
@@ -27,6 +27,11 @@ ROWS, COLUMNS = 4, 6
 _GAP: Final = 0.06
 """Black around a patch, as a share of its cell on each side."""
 _LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_WHITE: Final = 18
+"""Number of the white patch."""
+_EDGE: Final = 4
+"""Pixels at the edge of a patch that are left out: colours are filled in over two of them, and
+cross-talk and light of other planes reach further."""
 _FOREVER: Final = 2**62
 BARS = 8
 
@@ -35,6 +40,13 @@ def linear(code: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Linear light of 8-bit sRGB codes (IEC 61966-2-1)."""
     v = np.asarray(code, np.float64) / 255
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def chart_matrix(mosaic: Mosaic) -> npt.NDArray[np.float64]:
+    """The (3, 3) matrix from the colours of a camera, balanced to white, to linear BT.709 red,
+    green and blue, fitted to the patches of the chart."""
+    true = linear([codes for _, codes in PATCHES])
+    return fitted_matrix(true @ mosaic.camera.T, true)
 
 
 class ColourChart:
@@ -78,6 +90,25 @@ class ColourChart:
 
     def truth(self, ps: int) -> Plane:
         return self._truth
+
+    def differences(self, image: Image) -> npt.NDArray[np.float64] | None:
+        """Difference CIEDE2000 of each patch to its published colour, (24,), of an image in linear
+        red, green and blue, (H, W, 3), as bright as makes the luminance of the white patch right.
+        A patch is its mean without a border of `_EDGE`, negative light counting as none. None for
+        patches too small, and without light."""
+        found = []
+        for number in range(len(PATCHES)):
+            y0, y1, x0, x1 = self.patch(number)
+            inside = image[y0 + _EDGE : y1 - _EDGE, x0 + _EDGE : x1 - _EDGE]
+            if not inside.size:
+                return None
+            found.append(inside.mean(axis=(0, 1), dtype=np.float64))
+        true, seen = linear([codes for _, codes in PATCHES]), np.array(found)
+        bright = float(seen[_WHITE] @ _LUMINANCE)
+        if bright <= 0:
+            return None
+        seen *= float(true[_WHITE] @ _LUMINANCE) / bright
+        return delta_e_2000(lab(np.maximum(seen, 0.0)), lab(true))
 
     def points(self) -> list[tuple[int, int, str]]:
         places = [(self.patch(n), name) for n, (name, _) in enumerate(PATCHES)]

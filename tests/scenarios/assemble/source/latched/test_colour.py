@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cosim.light.mosaic import Mosaic, balanced, delta_e
+from cosim.light.mosaic import Mosaic, balanced, delta_e, delta_e_2000, lab
 from cosim.report.png import coloured
 from cosim.run.result import Result
 from scenarios.scenes.charts.patches import PATCHES, ColourChart, linear
@@ -113,6 +113,46 @@ def test_the_panel_emits_the_colours_of_the_camera(film: Film, tmp_path: Path) -
         np.testing.assert_allclose(
             made[inside].mean(axis=(0, 1)), expected[inside].mean(axis=(0, 1)), atol=0.02
         )
+
+
+PANEL = (
+    "scene.drawn=colour-chart", "sensor.colour.filter=rggb", "sensor.width=96", "sensor.height=64",
+    "display.beside=[]", "display.projector=none",
+)  # fmt: skip
+
+
+def test_a_matrix_fitted_to_the_chart_corrects_the_panel(film: Film, tmp_path: Path) -> None:
+    """What an eye sees of the patches: the matrix takes off what the filters mix, at least 3 of
+    CIEDE2000 by the mean of the chart, as their response says."""
+    mosaic = Mosaic("rggb", response(3.0, 550.0))
+    true = linear([codes for _, codes in PATCHES])
+    mixed = delta_e_2000(lab(true @ mosaic.camera.T), lab(true))
+    seen = {}
+    for colour in ("matrix", "as-camera"):
+        sets = (*PANEL, f"display.colour={colour}", "duration=16 ms", "image.at=[400]")
+        result, folder = film("film", tmp_path / colour, *sets, small=False)
+        seen[colour] = result.metrics["eye_delta_e_2000"].value
+        assert seen[colour] < result.metrics["eye_delta_e_2000_max"].value
+        assert (folder / "images/colour-eye-spike.png").exists()
+    assert seen["matrix"] < 1 and seen["as-camera"] == pytest.approx(mixed.mean(), abs=0.3)
+
+
+@pytest.mark.slow
+def test_colour_crosses_camera_link_and_panel(film: Film, tmp_path: Path) -> None:
+    sets = (
+        *PANEL, "scene.kind=film", "display.colour=matrix", "duration=16 ms", "image.at=[400]",
+        "link.panel.width=192", "link.panel.height=192", "link.sensor.chip=spikeone",
+        "code.cycles=64", "code.tile=32",
+    )  # fmt: skip
+    result, folder = film("glass-over-light", tmp_path / "run", *sets, small=False)
+    assert result.metrics["eye_delta_e_2000"].value < 1
+    assert (folder / "images/colour-eye-spike.png").exists()
+
+
+def test_a_picture_without_light_or_too_small_has_no_differences() -> None:
+    assert ColourChart(SHAPE, 1.0).differences(np.zeros((*SHAPE, 3), np.float32)) is None
+    small = (32, 48)
+    assert ColourChart(small, 1.0).differences(np.ones((*small, 3), np.float32)) is None
 
 
 @pytest.mark.parametrize(
