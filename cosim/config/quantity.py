@@ -14,6 +14,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    field_validator,
 )
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
 
@@ -30,6 +31,16 @@ DAY = 86_400.0
 """Longest run in seconds (3.5e9 cycles at 40 kHz)."""
 FASTEST = 1e9
 """Highest frequency of a clock, Hz."""
+LEAST = 1e-30
+"""Least size of a number that is not 0, in the unit of its key: below what any machine has, and far
+from where a square or an inverse leaves the range of float64."""
+
+
+def fits(number: float) -> bool:
+    """Whether a number is 0 or of a size with which can be calculated."""
+    return number == 0 or abs(number) >= LEAST
+
+
 Reflectance = Annotated[float, Field(ge=0, le=1)]
 Spread = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -79,6 +90,9 @@ class Quantity:
         ):
             if not fine:
                 raise ValueError(f"{must} and {word} {limit:g} {self.kind.unit}{other}")
+        if not fits(number):
+            least = f"of a size of {LEAST:g} {self.kind.unit} or more"
+            raise ValueError(f"{must} and {least}{other}")
         return number
 
     def write(self, value: float) -> str:
@@ -139,6 +153,13 @@ class Section(BaseModel):
     """Base of all sections."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _fits(cls, value: Any) -> Any:
+        if isinstance(value, float) and not fits(value):
+            raise ValueError(f"must be of a size of {LEAST:g} or more")
+        return value
 
 
 @dataclass(frozen=True)

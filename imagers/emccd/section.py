@@ -109,9 +109,10 @@ class EmccdSection(ImagerSection):
         default=None, examples=["50 Hz"],
         description="rate of external sync, the first at 0, in the place of pulses",
     )  # fmt: skip
-    temperature: Temperature = Field(
-        default=-10.0, examples=["-10 degC"], description="temperature that the cooling loop holds"
-    )
+    temperature: Annotated[float, Quantity("temperature", least=-59, most=99)] = Field(
+        default=-10.0, examples=["-10 degC"],
+        description="temperature that the cooling loop holds, in the range of its thermistor",
+    )  # fmt: skip
     ambient: Temperature = Field(default=25.0, description="temperature of the camera's body")
     ageing: Annotated[float, Quantity("voltage", least=0, most=5)] = Field(
         default=0.0, examples=["0.2 V"],

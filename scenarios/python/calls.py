@@ -67,9 +67,15 @@ class Called:
 
 def keys_of(section: str, keys: Mapping[str, Any], *others: str) -> dict[str, Any]:
     """The keys of a scenario, of those of a section and of others. A key may have the name of its
-    section, as errors and the list of keys write it."""
-    known = tuple(f"{name}." for name in (section, *others))
-    return {key if key.startswith(known) else f"{section}.{key}": keys[key] for key in keys}
+    section, as errors and the list of keys write it, or be a section, with a dictionary. One that
+    is None is not given."""
+    whole = (section, *others)
+    known = tuple(f"{name}." for name in whole)
+    return {
+        key if key.startswith(known) or key in whole else f"{section}.{key}": keys[key]
+        for key in keys
+        if keys[key] is not None
+    }
 
 
 def in_order(call: Callable[[int, Any], Any], items: Iterable[Any], begin: int) -> Iterator[Any]:

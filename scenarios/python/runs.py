@@ -48,8 +48,9 @@ def source_file(
 
 
 def joined(own: dict[str, Any], settings: dict[str, Any]) -> dict[str, Any]:
-    """The keys of a scenario: those of arguments, and those that are given by name. Raises
-    InputError for one that is given twice."""
+    """The keys of a scenario: those of arguments, and those that are given by name, of which None
+    is not given. Raises InputError for one that is given twice."""
+    settings = {key: value for key, value in settings.items() if value is not None}
     for key in own.keys() & settings.keys():
         raise InputError(
             key, "given once", "as a key and as an argument of its own", "leave the key out"

@@ -73,12 +73,11 @@ def _wrong(result: Result, unmeasured: str) -> str:
     asked = f"tolerance {number(result.tolerance)}"
     if result.tolerance == 0:
         asked = "tolerance 0: every effect is kept"
-    law = "" if error.law is None else (
-        f" It is an error in law: this run has {OTHER_NOISE}. {_law(error.law)}"
-    )  # fmt: skip
+    law = "" if error.law is None else f" This run has {OTHER_NOISE}. {_law(error.law)}"
+    kind = "of this run" if error.law is None else "in law of this run"
     return big(
         number(error.value, 2),
-        f"Error of this simulation against full physics{high}: {error.kind}; {asked}. It is the "
+        f"Error {kind} against full physics{high}: {error.kind}; {asked}. It is the "
         f"price of simulating fast, and no property of the machine.{law}",
     )
 

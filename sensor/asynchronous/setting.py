@@ -98,6 +98,11 @@ def channel_model(sensor: SensorSection) -> ChannelModel | None:
             "sensor.channel.arbitration", "fifo with buffer = fifo: a queue is served in order",
             section.arbitration, "change one of them",
         )  # fmt: skip
+    if section.rate * DAY < 1:
+        raise InputError(
+            "sensor.channel.rate", f"at least {at_least(1 / DAY)} Hz, an event in the longest "
+            "duration", f"{section.rate:g} Hz", "raise it",
+        )  # fmt: skip
     return ChannelModel(
         max(1, round(PS / section.rate)), section.arbitration, section.buffer, section.depth
     )

@@ -248,8 +248,15 @@ def linked(scenario: AnyScenario, command: str) -> LinkScenario:
 
 
 def assignments_of(settings: Mapping[str, Any]) -> list[str]:
-    """Settings as the command line has them. Raises InputError for a value of another kind."""
-    return [f"{key}={_text(key, value)}" for key, value in settings.items()]
+    """Settings as the command line has them. One that is None is not given; a dictionary is a
+    section. Raises InputError for a value of another kind."""
+    out = []
+    for key, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            out += assignments_of({f"{key}.{name}": inner for name, inner in value.items()})
+        elif value is not None:
+            out.append(f"{key}={_text(key, value)}")
+    return out
 
 
 def _text(key: str, value: Any) -> str:
@@ -259,4 +266,5 @@ def _text(key: str, value: Any) -> str:
         return json.dumps(np.asarray(value).tolist())
     if isinstance(value, (str, int, float, np.integer, np.floating, os.PathLike)):
         return str(value)
-    raise InputError(key, "a text, number, path or list", type(value).__name__, "convert it")
+    given = "an empty dictionary" if isinstance(value, Mapping) else type(value).__name__
+    raise InputError(key, "a text, number, path, list or dictionary of keys", given, "convert it")

@@ -163,7 +163,9 @@ def _plan_text(document: dict[str, Any]) -> str:
     elif document["promised"] is not None:
         lines.append(_total_bound(document))
     if document["error"]["of"] == "law":
-        lines.append(f"the error is in law: {OTHER_NOISE}")
+        lines.append(f"it is one in law, with {OTHER_NOISE}")
+    elif document["promised"] is not None:
+        lines.append("it is one of the run: the noise has the random numbers of full physics")
     if document["promised"] and document["promised"] > document["tolerance"] > 0:
         lines.append(
             "this exceeds the tolerance: the cause is the lumped form of the circuit or the "

@@ -178,7 +178,7 @@ def _checked(result: Result) -> list[tuple[str, str]]:
     else:
         high = "" if error.ci is None else f", at most {number(error.ci[1], 2)} (99.9 %)"
         law = error.of == "law"
-        how = "in law against" if law else "against"
+        how = "in law against" if law else "of the run against"
         lines.append(("error", f"{number(error.value, 2)}{high} {how} full physics; {error.kind}"))
         if law:
             lines.append(("", OTHER_NOISE))

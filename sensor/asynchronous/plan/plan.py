@@ -17,7 +17,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light
 from cosim.plan.effects import Effect
 from cosim.plan.error import EVERYTHING
-from cosim.plan.planner import ESTIMATE_WEIGHT, EffectRow, Plan, make_plan
+from cosim.plan.planner import EffectRow, Plan, make_plan
 from cosim.stage import section
 from sensor.asynchronous.model import EventModel, Firings
 from sensor.asynchronous.pixel.array import FEWER, AsynchronousPixels
@@ -67,12 +67,11 @@ class EventPlan:
 
     @property
     def rows(self) -> list[EffectRow]:
-        """Rows of the effects, with the share of pixels, and with bounds that count once."""
+        """Rows of the effects, with the share of pixels."""
         pixels, rows = self.scene.pixels, []
         for row in self.plan.rows:
             share = 1 - float(pixels[self.where(row.effect)].sum() / pixels.sum())
-            bound = row.bound / (ESTIMATE_WEIGHT if row.kind == "estimate" else 1.0)
-            rows.append(replace(row, kept=share, bound=bound))
+            rows.append(replace(row, kept=share))
         return rows
 
     @property

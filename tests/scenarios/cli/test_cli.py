@@ -152,6 +152,8 @@ def test_draws_are_chosen_and_the_error_is_named_by_its_kind(viform, refused, tm
     for draws, of in (("bank", "law"), ("each", "run")):
         error = json.loads(viform("plan", "film", *sets, "--draws", draws, "--json").out)["error"]
         assert error["of"] == of and (error["law"] is None) == (of == "run")
+        named = {"law": "it is one in law, with other noise", "run": "it is one of the run: "}[of]
+        assert named in viform("plan", "film", *sets, "--draws", draws).out
     kept = ["--report", "none", "--out", tmp_path / "run"]
     told = viform("run", "film", *sets, *kept).out
     assert "(99.9 %) in law against full physics" in told
@@ -160,6 +162,8 @@ def test_draws_are_chosen_and_the_error_is_named_by_its_kind(viform, refused, tm
         assert OTHER_NOISE in text
     stated = json.loads((tmp_path / "run" / "result.json").read_text())["error"]
     assert stated["of"] == "law" and stated["law"] is not None
+    each = ("--draws", "each", "--report", "none", "--out", tmp_path / "each")
+    assert "(99.9 %) of the run against full physics" in viform("run", "film", *sets, *each).out
     assert refused("plan", "film", "--draws", "none").startswith("draws must be 'each' or 'bank'")
     assert refused("plan", "light-link", "--draws", "each").startswith("draws must be one of ")
 

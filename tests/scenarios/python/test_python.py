@@ -11,6 +11,7 @@ import time
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -247,6 +248,26 @@ def test_a_part_that_is_none_is_one_line(part: object, says: str) -> None:
         stream[part]
 
 
+def test_a_key_that_is_none_is_not_given_and_a_dictionary_is_a_section() -> None:
+    size: dict[str, Any] = {"width": 32, "height": 24}
+    plain = viform.Camera("spikeone", **size).film(frames(), 500)
+    for keys in ({"preset": None, "pattern": None}, {"sensor": size}, {"lens": {"psf": "none"}}):
+        same = viform.Camera("spikeone", **size | keys).film(frames(), 500)
+        assert np.array_equal(same.words, plain.words)
+    shaded = viform.Camera("spikeone", pattern={"prnu": 0.2}, **size).film(frames(), 500)
+    dotted = viform.Camera("spikeone", **{"pattern.prnu": 0.2, **size}).film(frames(), 500)
+    assert np.array_equal(shaded.words, dotted.words)
+    assert not np.array_equal(shaded.words, plain.words)
+    called = viform.film(frames(), frame_rate=500, sensor=size, duration=None)
+    assert called.shape == (24, 32) and called.cycles == plain.cycles
+    shown = viform.Display(drive=None, pursuit=None).show(plain, eye="still")  # type: ignore[arg-type]
+    assert shown.images["still"].shape[1:] == (24, 32)
+    for keys in ({"pattern": {}}, {"pattern": {"prnu": {}}}, {"pattern": {"prnu": {"x": 1}}}):
+        with pytest.raises(viform.InputError) as refused:
+            viform.Camera(**keys)
+        assert "\n" not in str(refused.value)
+
+
 def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     stream = viform.Viform.from_planes(np.zeros((50, 6, 9), np.uint8), viform.Clock(40_000))
@@ -266,7 +287,7 @@ def test_bad_input_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         ),
         "scene.path must be": lambda: viform.film("no-such-clip.mp4"),
         "sensor.widht": lambda: viform.film("step", **{"sensor.widht": 5}),
-        "duration must be a text, number, path or list": lambda: viform.film("step", duration={}),
+        "duration must be a text, number, path, list or": lambda: viform.film("step", duration={}),
         "frame_rate must be frames/s as a number": lambda: viform.film(
             frames(), frame_rate="25 Hz"
         ),

@@ -80,6 +80,8 @@ def message(data: dict[str, Any]) -> str:
         ("scene.illuminance", "700 W/m^2", LUX),
         ("scene.illuminance", "0 lux", f"{LUX} and above 0 lux"),
         ("scene.illuminance", "1e300 lux", f"{LUX} and at most 1e+09 lux"),
+        ("scene.illuminance", "1e-300 lux", f"{LUX} and of a size of 1e-30 lux or more"),
+        ("scene.start", "1e-320 s", f"{TIME} and of a size of 1e-30 s or more"),
         ("scene.start", "-1 ms", f"{TIME} and at least 0 s"),
         ("scene.start", "1 yr", TIME),
         ("duration", "5 px", TIME),
@@ -132,6 +134,11 @@ def test_a_wrong_quantity_is_told_what_must_be_what_was_given_and_what_to_write(
          "write --set sensor.chip='spiketwo'"),
         ("sensor.lens.f_number", 0.1,
          f"sensor.lens.f_number must be at least 0.5, not 0.1; {SCHEMA}"),
+        ("sensor.quantum_efficiency", 1e-320,
+         "sensor.quantum_efficiency must be of a size of 1e-30 or more, not 1e-320; write --set "
+         "sensor.quantum_efficiency=0.7"),
+        ("sensor.drift", 1e-40,
+         f"sensor.drift must be of a size of 1e-30 or more, not 1e-40; {SCHEMA}"),
         ("sensor.lens.white_rate", 0, f"sensor.lens.white_rate must be above 0, not 0; {SCHEMA}"),
         ("image.at", 3, "image.at must be a list such as [100, 200], not 3; "
          "write --set image.at='[100, 200]'"),
@@ -404,7 +411,11 @@ def test_the_preset_has_no_share_of_a_current_that_is_taken_out_of_it():
 
 
 def quantity(unit: str, least: float, most: float) -> st.SearchStrategy[str]:
-    return st.floats(least, most).map(lambda x: f"{x!r} {unit}")
+    return numbers(least, most).map(lambda x: f"{x!r} {unit}")
+
+
+def numbers(least: float, most: float) -> st.SearchStrategy[float]:
+    return st.floats(least, most).map(lambda x: x if x > 1e-20 else 0.0)
 
 
 SCENES = st.one_of(
@@ -422,7 +433,7 @@ SCENES = st.one_of(
     ),
     st.fixed_dictionaries(
         {"kind": st.just("step"), "illuminance": quantity("lm/m^2", 1, 1e6)},
-        optional={"before": st.floats(0, 1), "at": quantity("us", 0, 1e6)},
+        optional={"before": numbers(0, 1), "at": quantity("us", 0, 1e6)},
     ),
 )
 SCENARIOS = st.fixed_dictionaries(
@@ -440,7 +451,7 @@ SCENARIOS = st.fixed_dictionaries(
         ),
     },
     optional={
-        "tolerance": st.floats(0, 1),
+        "tolerance": numbers(0, 1),
         "image": st.fixed_dictionaries({"at": st.lists(st.integers(0, 10**6), max_size=3)}),
     },
 )

@@ -358,6 +358,7 @@ def test_moving_light_comes_in_steps_that_join(make_clip, tmp_path):
             "levels must be at most one an electron, 300",
         ),
         (("sensor.channel.buffer=fifo",), "sensor.channel.arbitration must be fifo with"),
+        (("sensor.channel.rate=1e-12 Hz",), "sensor.channel.rate must be at least 1.15741e-05 Hz"),
         (("sensor.asynchronous.change=-1",), "sensor.asynchronous.change must be"),
         (("sensor.asynchronous.width=0",), "sensor.asynchronous.width must be"),
         (("scene.dimmest=2e5 lux",), "scene.dimmest must be below the sun's 100000 lux"),

@@ -77,6 +77,7 @@ ORDER = '["substrate", "output_drain", "reset_drain", "dump_drain", "area_clocks
         ("imager.supplies.failed=pump", "imager.supplies.failed must be one of output_drain"),
         ("imager.drive.phase=5", "imager.drive.phase must be an angle"),
         ("imager.drive.transfer=60 ns", "imager.drive.transfer must be a time"),
+        ("imager.temperature=-150 degC", "imager.temperature must be a temperature such as"),
         ("imager.drive.phse=5 deg", "did you mean imager.drive.phase?"),
     ],
 )  # fmt: skip

@@ -120,6 +120,16 @@ def test_thresholds_without_a_variance_are_never_left_out_by_a_bound(q):
 # Bounds hold.
 
 
+def test_rows_state_bounds_as_they_count() -> None:
+    """Estimates at twice their size, as everywhere: those of what is left out add up."""
+    plan = plan_for(model(300), DEVICE, 0.5)
+    estimates = [row for row in plan.rows if row.kind == "estimate" and row.bound > 0]
+    assert {"threshold FPN", "hot and dead pixels"} <= {row.effect for row in estimates}
+    for row in plan.rows:
+        assert row.bound == pytest.approx(float(plan.plan.promise[row.effect].max()), rel=1e-6)
+    assert sum(row.bound for row in plan.absent) >= float(plan.plan.total.max())
+
+
 @pytest.mark.parametrize("q", [30, 300, 5000])
 @pytest.mark.parametrize(
     "name",
