@@ -35,27 +35,28 @@ class Sketched(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Codes:
-    """Frames of 8-bit codes between which light is linear, from the first frame of a run on.
+class Frames:
+    """Frames in memory between which light is linear, from the first frame of a run on.
 
     Attributes:
-        frames: (T, H, W) uint8, all that the run shows.
-        curve: (256,) float32, lux of a code.
+        frames: (T, H, W), all that the run shows: uint8 codes, or float32 light.
+        table: lux of a code, (256,) float32; for light (2,) float32, factors of which the first is
+            multiplied first.
         edges: (T,) instants of the frames, ps.
         pieces: number of pieces of light in the run.
     """
 
-    frames: npt.NDArray[np.uint8]
-    curve: npt.NDArray[np.float32]
+    frames: npt.NDArray[np.uint8] | npt.NDArray[np.float32]
+    table: npt.NDArray[np.float32]
     edges: tuple[int, ...]
     pieces: int
 
 
 @runtime_checkable
-class Coded(Protocol):
-    """A source that may have its frames as codes, from which the survey is made in one pass."""
+class Framed(Protocol):
+    """A source that may have its frames in memory, of which the survey is made in one pass."""
 
-    def codes(self, cycles: int) -> Codes | None: ...
+    def frames(self, cycles: int) -> Frames | None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +134,17 @@ def _survey(
     return Survey(least, most, np.ones(least.shape, bool), (pieces - 1) / cycles, slope, moved)
 
 
-def _survey_of_codes(codes: Codes, clock: Clock, cycles: int) -> Survey:
-    """The exact survey of frames of codes."""
-    from cosim.light.survey_compiled import widen_by_codes
+def _survey_of_frames(given: Frames, clock: Clock, cycles: int) -> Survey:
+    """The exact survey of frames in memory."""
+    from cosim.light.survey_compiled import widen_by_frames
 
     cycle = ceil(PS * clock.period)
-    shares = [_share(cycle, b - a) for a, b in pairwise(codes.edges)]
-    planes = [np.empty(codes.frames.shape[1:], np.float32) for _ in range(4)]
-    widen_by_codes(codes.frames, codes.curve, np.array(shares, np.float32), *planes)
+    shares = [_share(cycle, b - a) for a, b in pairwise(given.edges)]
+    planes = [np.empty(given.frames.shape[1:], np.float32) for _ in range(4)]
+    frames = np.ascontiguousarray(given.frames)
+    widen_by_frames(frames, given.table, np.array(shares, np.float32), *planes)
     least, most, slope, moved = planes
-    return _survey(least, most, slope, moved, codes.pieces, cycles)
+    return _survey(least, most, slope, moved, given.pieces, cycles)
 
 
 def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
@@ -159,9 +161,9 @@ def _exact_survey(source: Source, clock: Clock, cycles: int) -> Survey:
 
 def survey(source: Source, clock: Clock, cycles: int) -> Survey:
     """The survey of a run of `cycles` cycles. It consumes the source."""
-    codes = source.codes(cycles) if isinstance(source, Coded) else None
-    if codes is not None:
-        return _survey_of_codes(codes, clock, cycles)
+    given = source.frames(cycles) if isinstance(source, Framed) else None
+    if given is not None:
+        return _survey_of_frames(given, clock, cycles)
     if not isinstance(source, Sketched):
         return _exact_survey(source, clock, cycles)
     sketch = source.sketch(cycles, SAMPLES)

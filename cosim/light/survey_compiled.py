@@ -21,34 +21,38 @@ def widen(plane, before, share, least, most, slope, moved):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def widen_by_codes(codes, curve, shares, least, most, slope, moved):  # type: ignore[no-untyped-def]
+def widen_by_frames(frames, table, shares, least, most, slope, moved):  # type: ignore[no-untyped-def]
     """Fills the ranges with those of frames that follow each other: `widen` for one after another,
-    from their codes, row by row, so that what a row has so far stays in the cache.
+    row by row, so that what a row has so far stays in the cache.
 
     Args:
-        codes: (T, H, W) uint8.
-        curve: (256,) float32, light of a code.
+        frames: (T, H, W) uint8 codes, or float32 light.
+        table: (256,) float32, light of a code; for light (2,) float32, factors.
         shares: (T - 1,) float32, part of the change to the next frame that a cycle may have.
         least, most, slope, moved: (H, W) float32; outputs.
     """
-    count, height, width = codes.shape
+    count, height, width = frames.shape
     lit, before = np.empty((1, width), np.float32), np.empty((1, width), np.float32)
     for y in range(height):
-        _look_up(codes[0, y], curve, before)
+        _lit(frames[0, y], table, before)
         here = slice(y, y + 1)
         least[here], most[here] = before, before
         slope[here], moved[here] = 0.0, 0.0
         for n in range(1, count):
-            _look_up(codes[n, y], curve, lit)
+            _lit(frames[n, y], table, lit)
             widen(lit, before, shares[n - 1], least[here], most[here], slope[here], moved[here])
             lit, before = before, lit
 
 
 @njit(cache=True, nogil=True)
-def _look_up(codes, curve, out):  # type: ignore[no-untyped-def]
-    """Fills a row, (1, W), with the light of its codes."""
-    for x in range(codes.size):
-        out[0, x] = curve[codes[x]]
+def _lit(row, table, out):  # type: ignore[no-untyped-def]
+    """Fills a row, (1, W), with the light of a row of a frame."""
+    if table.size == 2:
+        for x in range(row.size):
+            out[0, x] = row[x] * table[0] * table[1]
+    else:
+        for x in range(row.size):
+            out[0, x] = table[int(row[x])]
 
 
 @njit(cache=True, nogil=True)

@@ -228,10 +228,10 @@ def _level(
         jitter = Estimate((short.value - whole.value) * scale, error)
     shifted = _Sum(trains, good, long.k, fewest, dead + 0.01, drift).solve(2 * added.value).value
     slope = (shifted - long.solve(2 * added.value).value) / 0.01
-    most = _STRAYED / (fewest * (typical - dead) ** 2)
+    strayed = _STRAYED / (fewest * (typical - dead) ** 2)
     low, high = np.quantile(mean[one.pixels], (0.16, 0.84))
     mixed = bool(
-        estimate.value + 2 * estimate.error > most
+        estimate.value + 2 * estimate.error > strayed
         or trains.cycles * (high - low) / 2 > _APART * typical
     )
     return Level(

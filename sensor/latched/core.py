@@ -28,7 +28,7 @@ from cosim.errors import InputError
 from cosim.light.light import Light, Piece, Plane
 from cosim.light.source import Source
 from cosim.light.steps import PushedLight
-from cosim.light.survey import Coded, Survey
+from cosim.light.survey import Framed, Survey
 from cosim.plan.error import ARITHMETIC, BrokenPromise, Finding, required
 from cosim.plan.paired import Span, windows
 from cosim.plan.tiles import PatchPlane
@@ -242,8 +242,8 @@ class LatchedCamera:
             return SceneBlocks(given(), lens, self.setting.reach, list(blocks(cycles, _TOGETHER)))
 
         scene, surveyed = lit(), source()
-        if isinstance(surveyed, Coded) and surveyed.codes(cycles) is not None:
-            scene.begin()  # the survey takes codes, and no light
+        if isinstance(surveyed, Framed) and surveyed.frames(cycles) is not None:
+            scene.begin()  # the survey takes frames, and no light
         survey = self.survey(surveyed, relay, cycles)
         if spans is None:
             at = sorted({cycles * (2 * n + 1) // 10 for n in range(5)})

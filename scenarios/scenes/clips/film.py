@@ -15,7 +15,7 @@ import numpy as np
 from cosim import PS, Block, Clock, InputError, Light, Piece, Plane, seconds_to_ps
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Points
-from cosim.light.survey import Codes
+from cosim.light.survey import Frames
 from scenarios.scenes.clips.clip import Clip
 from scenarios.scenes.clips.pictures import Pictures, open_clip
 from scenarios.scenes.drawing.analytic import spread_points
@@ -129,7 +129,7 @@ class FilmSource:
 
     def _times(self, n: int, factor: np.float32) -> Plane | None:
         """Frame n times a factor; None if the clip ends before it."""
-        if isinstance(self._clip, Pictures) and self._clip.codes is not None:
+        if isinstance(self._clip, Pictures) and self._clip.given is not None:
             return self._clip.times(n, factor, self._gain)
         frame = self._frame(n)
         if frame is None:
@@ -194,12 +194,12 @@ class FilmSource:
             pieces.append(self._piece(n))
         return Light(tuple(pieces))
 
-    def codes(self, cycles: int) -> Codes | None:
-        """The frames of a run as codes; None for frames that are none."""
+    def frames(self, cycles: int) -> Frames | None:
+        """The frames of a run, if they are in memory on the grid of the pixels."""
         clip, first = self._clip, self._frame_number(0)
-        if not (isinstance(clip, Pictures) and clip.codes is not None and self._rate):
+        if not (isinstance(clip, Pictures) and clip.given is not None and self._rate):
             return None
-        count, stop = len(clip.codes), self._clock.edge(cycles)
+        count, stop = len(clip.given), self._clock.edge(cycles)
         n = first
         while n + 1 < count and self._edge(n + 1) < stop:
             n += 1
@@ -207,8 +207,8 @@ class FilmSource:
         if not used:
             return None
         edges = tuple(self._edge(k) for k in used)
-        curve = clip.curve(self._lux, self._gain)
-        return Codes(clip.codes[used.start : used.stop], curve, edges, n + 1 - first)
+        table = clip.table(self._lux, self._gain)
+        return Frames(clip.given[used.start : used.stop], table, edges, n + 1 - first)
 
     def truth(self, ps: int) -> Plane:
         if not self._rate:

@@ -215,7 +215,7 @@ class MotionFilm(FilmSource):
             )
         return (n, k), self._parts[n, k]
 
-    def codes(self, cycles: int) -> None:
+    def frames(self, cycles: int) -> None:
         """None: the light between frames is none of theirs."""
 
     def step(self, data: None, block: Block) -> Light:

@@ -57,10 +57,11 @@ class Pictures:
         rate: frames/s, which several frames need.
         notes: notes to which `read` adds.
         kept: frames in memory.
-        codes: frames of uint8 whose pixels are those of the grid, (T, H, W); None if they are not.
+        given: frames whose pixels are those of the grid, (T, H, W): uint8 codes, or float32 light
+            from 0 to 1; None if they are not.
 
     Attributes:
-        codes: frames as given; `times` takes frames from a table of them.
+        given: frames as given; `times` takes frames from them.
         notes: notes for the user.
         size: size as given.
         rate: frame rate, 1/s; 0 for a still image.
@@ -74,7 +75,7 @@ class Pictures:
     def __init__(
         self, path: Path, read: Callable[[int], Plane], frames: int, size: tuple[int, int],
         rate: float | None, notes: list[str], kept: int = _KEPT,
-        codes: npt.NDArray[np.uint8] | None = None,
+        given: npt.NDArray[Any] | None = None,
     ) -> None:  # fmt: skip
         if frames > 1 and rate is None:
             raise InputError(
@@ -84,10 +85,10 @@ class Pictures:
         self._read, self._frames, self.size, self.notes = read, frames, size, notes
         self._planes: dict[int, Plane] = {}
         self._times: dict[tuple[int, np.float32, np.float32 | None], Plane] = {}
-        self._kept, self.codes = kept, codes
+        self._kept, self.given = kept, given
         self.rate = Fraction(repr(rate)) if frames > 1 else Fraction(0)
         self.count = 0
-        if codes is None:
+        if given is None:
             self.frame(0)
 
     @property
@@ -108,11 +109,9 @@ class Pictures:
         return self._planes[n]
 
     def times(self, n: int, factor: np.float32, gain: np.float32 | None = None) -> Plane | None:
-        """Frame n of `codes` times a factor, and then a gain, as products of float32; None beyond
+        """Frame n of `given` times a factor, and then a gain, as products of float32; None beyond
         the last."""
-        import cv2
-
-        assert self.codes is not None
+        assert self.given is not None
         if n >= self._frames:
             self.count = self._frames
             return None
@@ -120,14 +119,22 @@ class Pictures:
         if key not in self._times:
             if len(self._times) >= self._kept:
                 self._times.popitem()
-            table = self.curve(factor, gain)
-            self._times[key] = np.asarray(cv2.LUT(self.codes[n], table), np.float32)
+            if self.given.dtype == np.uint8:
+                import cv2
+
+                lit = cv2.LUT(self.given[n], self.table(factor, gain))
+            else:
+                lit = self.given[n] * factor
+                if gain is not None:
+                    lit *= gain
+            self._times[key] = np.asarray(lit, np.float32)
             self.count = max(self.count, n + 1)
         return self._times[key]
 
-    @staticmethod
-    def curve(factor: np.float32, gain: np.float32 | None) -> npt.NDArray[np.float32]:
-        """Light of each of `codes`, (256,): see `times`."""
+    def table(self, factor: np.float32, gain: np.float32 | None) -> npt.NDArray[np.float32]:
+        """Light of each code, (256,), or the factors of light, (2,): see `times`."""
+        if self.given is None or self.given.dtype != np.uint8:
+            return np.array([factor, 1.0 if gain is None else gain], np.float32)
         curve = transfer_curve(SRGB, 255) * factor
         return curve if gain is None else curve * gain
 
@@ -189,7 +196,8 @@ def array_clip(
     """Frames in memory on a grid: the light of the same array in a .npy file.
 
     Args:
-        frames: (T, H, W) or (T, H, W, 3), uint8 or uint16 in sRGB, or floats of linear light.
+        frames: (T, H, W) or (T, H, W, 3), uint8 or uint16 in sRGB, or floats of linear light, 0 to
+            1.
         shape: (height, width) of the grid.
         mosaic: filter array on the pixels; None for one colour.
         rate: frames/s.
@@ -197,13 +205,14 @@ def array_clip(
     notes: list[str] = []
     fit = Fit(Path("frames"), shape, mosaic, True, notes)
     size = frames.shape[1], frames.shape[2]
-    coded = frames.dtype == np.uint8 and frames.ndim == 3 and size == shape and mosaic is None
-    if not coded or size[0] * size[1] > LITTLE:  # codes of the pixels are not scaled
+    plain = frames.dtype in (np.uint8, np.float32) and frames.ndim == 3
+    direct = plain and frames.dtype.isnative and size == shape and mosaic is None
+    if not direct or size[0] * size[1] > LITTLE:  # pixels of the grid are not scaled
         fit.check_size(*size)
     kept = min(len(frames), max(_KEPT, _REMEMBERED // cores() // (4 * shape[0] * shape[1])))
     return Pictures(
         Path("frames"), lambda n: shown(frames[n], fit), len(frames), size, rate, notes, kept,
-        frames if coded else None,
+        frames if direct else None,
     )  # fmt: skip
 
 

@@ -218,10 +218,12 @@ def test_frames_are_read_in_any_order() -> None:
     assert read == [0, 4, 1]  # kept, as long as few are asked for
 
 
-def test_frames_of_codes_times_a_factor_are_rounded_as_products() -> None:
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_frames_times_a_factor_are_rounded_as_products(kind: type) -> None:
     codes = np.random.default_rng(1).integers(0, 256, (5, *SHAPE), dtype=np.uint8)
+    codes = codes if kind == np.uint8 else codes.astype(kind) / 255
     clip = array_clip(codes, SHAPE, None, 10.0)
-    assert clip.codes is codes and array_clip(codes, (2, 2), None, 10.0).codes is None
+    assert clip.given is codes and array_clip(codes, (2, 2), None, 10.0).given is None
     for n in (3, 0, 4):
         expected = clip.frame(n) * np.float32(700.3)  # type: ignore[operator]
         assert np.array_equal(clip.times(n, np.float32(700.3)), expected)  # type: ignore[arg-type]
@@ -234,22 +236,25 @@ def test_frames_of_codes_times_a_factor_are_rounded_as_products() -> None:
      (5, 39_999.5, 9), (12, 3333.3, 130)],
 )  # fmt: skip
 @pytest.mark.parametrize("gain", [None, np.float32(0.0123)])
-def test_a_survey_of_codes_is_that_of_their_pieces_of_light(count, rate, cycles, gain):
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_a_survey_of_frames_is_that_of_their_pieces_of_light(count, rate, cycles, gain, kind):
     """Clips that end within the run, and frames shorter than a cycle, too."""
     frames = np.random.default_rng(1).integers(0, 256, (count, 20, 37), dtype=np.uint8)
+    if kind == np.float32:
+        frames = frames.astype(np.float32)[:, :, ::-1] / np.float32(255)
     clock = Clock(40_000)
 
     class Plain(FilmSource):
-        def codes(self, cycles):
+        def frames(self, cycles):
             return None
 
     one, two = (
         survey(
-            kind(Path("frames"), (20, 37), 700.0, clock, cycles, rate=rate, gain=gain,
+            source(Path("frames"), (20, 37), 700.0, clock, cycles, rate=rate, gain=gain,
                  clip=array_clip(frames, (20, 37), None, rate)),
             clock, cycles,
         )
-        for kind in (FilmSource, Plain)
+        for source in (FilmSource, Plain)
     )  # fmt: skip
     for each in fields(one):
         assert np.array_equal(getattr(one, each.name), getattr(two, each.name)), each.name

@@ -76,8 +76,8 @@ def test_instants_have_the_stated_noise_in_the_band_and_none_outside() -> None:
 
 
 def test_a_move_is_normal_and_keeps_its_law_from_draw_to_draw() -> None:
-    """The distribution function of a move is that of a normal law within .0007 at the middle of its steps of .0027;
-    the moves of a pixel are independent of each other."""
+    """The distribution function of a move is that of a normal law within .0007 at the middle of its
+    steps of .0027; the moves of a pixel are independent of each other."""
     numbers = np.arange(3 * 2000, dtype=np.uint32)
     timing = RowTiming(0.1, 0.0, 0.5, 1.5).on(numbers, np.arange(3), 3, 4)
     assert timing is not None
