@@ -235,7 +235,8 @@ def _level(
         or trains.cycles * (high - low) / 2 > _APART * typical
     )
     return Level(
-        trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared), mixed, strayed
+        trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared), mixed,
+        strayed,
     )
 
 
