@@ -235,7 +235,14 @@ def _level(
         or trains.cycles * (high - low) / 2 > _APART * typical
     )
     return Level(
-        trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared), mixed,
+        trains.name,
+        trains.rate,
+        long.k,
+        estimate,
+        slope,
+        jitter,
+        long.third(squared),
+        mixed,
         strayed,
     )
 
