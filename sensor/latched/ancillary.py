@@ -39,6 +39,12 @@ def _reject(words, cycles, dark, age, out):  # type: ignore[no-untyped-def]
                 old += count
                 continue
             kept = word
+            if old + count < dark:  # no interval of these cycles is as long
+                out[first // WORD, pixel] = word
+                old = 0
+                while not (word >> np.uint32(count - 1 - old)) & np.uint32(1):
+                    old += 1
+                continue
             for n in range(count):
                 old += 1
                 if (word >> np.uint32(n)) & np.uint32(1):

@@ -1,5 +1,7 @@
 """Dim pixels of a latched camera: readings below threshold and rejection of the dark, their limits
-in a scenario, and how the images of a run have them."""
+in a scenario, and how the images of a run have them; and what the chip of a recorded run says
+beyond its spikes, which a display or a link that plays it again follows.
+"""
 
 from __future__ import annotations
 
