@@ -105,7 +105,8 @@ def noise_parameters(noise: Noise, dead_error: float) -> list[Parameter]:
     error = math.hypot(noise.squared.error, noise.slope * dead_error)
     squared = noise.squared.value
     if not noise.mixed:
-        return _noise_bounds(math.sqrt(max(squared + DEVIATIONS * error, noise.most)))
+        most = max(squared + DEVIATIONS * error, noise.most)
+        return _noise_bounds(math.sqrt(max(squared, 0.0)), math.sqrt(most))
     sigma, ci = rooted(squared, error)
     out = [Parameter(
         "interval_noise", _NOISE, sigma, ci, "1", True,
@@ -150,15 +151,16 @@ def noise_parameters(noise: Noise, dead_error: float) -> list[Parameter]:
     return out
 
 
-def _noise_bounds(most: float) -> list[Parameter]:
-    """The parameters of noise where phases are not mixed. most: limit of sigma."""
+def _noise_bounds(shown: float, most: float) -> list[Parameter]:
+    """The parameters of noise where phases are not mixed. shown: sigma that the variances have, of
+    noise or of rounding. most: its limit."""
     why = (
         "pixels are alike and nearly free of noise, so that the latch rounds their spikes alike; "
         "rounding that is alike looks like noise, or hides it"
     )
     remedy = "a longer recording, or light that is not the same on all pixels"
     return [
-        Parameter("interval_noise", _NOISE, None, (0.0, most), "1", False, why, remedy),
+        Parameter("interval_noise", _NOISE, shown, (0.0, most), "1", False, why, remedy),
         Parameter("threshold", "threshold", None, (1 / most**2, None), "e", False,
                   "1/Q is at most the noise squared", f"{remedy}, and a light meter"),
         Parameter("threshold_noise", _OF_THRESHOLD, None, (0.0, most), "1", False, why, remedy),

@@ -40,7 +40,7 @@ def misfits(
             "dead time and pattern of bright flats are not to be trusted"
         )
     for each in histograms:
-        if each.chance < CHANCE:
+        if each.chance < CHANCE and noise.mixed:  # else pixels round alike, and are not independent
             out.append(
                 f"intervals of {each.name}: chi-square {each.chi_square:.0f} for {each.bins} bins, "
                 f"{each.off:.2%} of the intervals misplaced, most at {each.worst} cycles"

@@ -228,22 +228,14 @@ def _level(
         jitter = Estimate((short.value - whole.value) * scale, error)
     shifted = _Sum(trains, good, long.k, fewest, dead + 0.01, drift).solve(2 * added.value).value
     slope = (shifted - long.solve(2 * added.value).value) / 0.01
-    strayed = _STRAYED / (fewest * (typical - dead) ** 2)
+    own = _STRAYED / (fewest * (typical - dead) ** 2)
     low, high = np.quantile(mean[one.pixels], (0.16, 0.84))
     mixed = bool(
-        estimate.value + 2 * estimate.error > strayed
+        estimate.value + 2 * estimate.error > own
         or trains.cycles * (high - low) / 2 > _APART * typical
     )
     return Level(
-        trains.name,
-        trains.rate,
-        long.k,
-        estimate,
-        slope,
-        jitter,
-        long.third(squared),
-        mixed,
-        strayed,
+        trains.name, trains.rate, long.k, estimate, slope, jitter, long.third(squared), mixed, own
     )
 
 

@@ -97,7 +97,7 @@ _MOST = 2e6
 
 
 def preset_text(result: Calibration) -> str | None:
-    """The file as TOML; None if the recordings do not tell the temporal noise.
+    """The file as TOML; None if the recordings do not show the temporal noise.
 
     What is not known is left out, or taken so that the recordings are reproduced: without a dark
     recording all of the spread in light is PRNU, and a threshold that is not known is the least
@@ -105,7 +105,7 @@ def preset_text(result: Calibration) -> str | None:
     """
     found = result.parameters
     noise = found["interval_noise"].value
-    if not isinstance(noise, float) or not found["interval_noise"].known:
+    if not isinstance(noise, float):
         return None
     lines = ["A camera by `viform calibrate`, with limits of 95 %. Use: sensor.preset."]
     threshold = found["threshold"].value
