@@ -14,7 +14,7 @@ from cosim import SpikeStream, Viform
 from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, subplots
 from cosim.spikes.viform import WORD, words_for
-from scenarios.assemble.behind.link.coding import Sender
+from scenarios.assemble.behind.link.coding import Sender, of_a_part
 from sensor.codec.packets.catalogue import KINDS
 from sensor.codec.packets.section import CodeSection
 from sensor.reconstruct.fidelity import psnr, to_white
@@ -89,8 +89,10 @@ def code_rates(
     seconds = part.cycles / clock.hz
     points = []
     for kind in _COMPARED:
-        given = {"kind": kind, "cycles": section.cycles, "tile": section.tile}
-        one = CodeSection.model_validate(given | {"buffer": f"{section.buffer} s"})
+        one = CodeSection.model_validate({"kind": kind, "tile": section.tile}).model_copy(
+            update={"cycles": section.cycles, "buffer": section.buffer}
+        )
+        one = of_a_part(one, clock)
         code = one.code(threshold, noise)
         for rate in RATES:
             control = one.control(clock.hz, rate * share)

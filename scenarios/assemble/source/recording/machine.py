@@ -29,6 +29,8 @@ from cosim.spikes.clocked import (
     ClockedEvents,
 )
 from cosim.spikes.staged import StreamStage
+from cosim.spikes.viform import Words
+from cosim.stage import Block
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.feeds import Feed, Planes
@@ -208,6 +210,13 @@ class RecordedFeed(Feed):
             found.shape, found.clock, found.cycles, found.white_rate,
             "" if live else f"{found.white_rate:.3g} spikes a cycle", live=live,
         )  # fmt: skip
+        self._stream = None if live else found.stream
+
+    def sample(self, first: int, cycles: int) -> Words | None:
+        """See `Feed`. Spikes that have not come yet, and events, are not known."""
+        if self._stream is None:
+            return None
+        return StreamStage(self._stream).step(None, Block(first, cycles)).words
 
     def planes(self, recording: Recorded, outcome: Outcome) -> Planes:
         """See `Feed`."""
