@@ -43,6 +43,10 @@ _MISSING: Final = 1.1
 """Factor on what the lower limit of the information lacks of a bit, for the same reason. In runs at
 2, 4 and 10 m, other phases, 5 klux and a residual reset, the information was .0010 below to .0045
 above that of the pilot (docs/link-theory.md, words with soft decisions)."""
+_MISSING_WHOLE: Final = 1.8
+"""The same factor where no frame is replaced. In fog of 50 m, 2 m away, one of 34 650 words was
+not mended at the rate .955, where the factor above foresees one in 10^13; with this one the rate is
+.935."""
 
 
 @dataclass(frozen=True)
@@ -212,14 +216,15 @@ class _Assumed:
     words: float
 
 
-def _counted_on(information: float | None) -> float:
-    """Information that is assumed, of that of a pilot."""
-    return max(1 - _MISSING * (1 - (information or 0.0)), 0.0)
+def _counted_on(information: float | None, missing: float = _MISSING) -> float:
+    """Information that is assumed, of that of a pilot. missing: factor on what it lacks."""
+    return max(1 - missing * (1 - (information or 0.0)), 0.0)
 
 
-def _assume(mode: Mode, got: Trial) -> _Assumed:
+def _assume(mode: Mode, got: Trial, most_lost: float) -> _Assumed:
     if mode.parity is None:
-        information = _counted_on(got.information)
+        missing = _MISSING if most_lost >= 1 else _MISSING_WHOLE
+        information = _counted_on(got.information, missing)
         rate = min(EVERY_RATE) if mode.rate is None else mode.rate
         return _Assumed(None, information, ldpc_word_error(rate, information))
     wrong = float(clopper_pearson(got.values_wrong, got.values, CONFIDENCE)[1])
@@ -234,7 +239,7 @@ def _weighed(
     most_lost: float,
 ) -> Considered:  # fmt: skip
     """What a pilot lets expect of a mode."""
-    assumed, errors = _assume(mode, got), got.errors / got.bits
+    assumed, errors = _assume(mode, got, most_lost), got.errors / got.bits
     if mode.adaptive:
         course = got.course or Course((0.0,), (got.information or 0.0,), 0.0)
         plan = plan_rates(mode, course, _counted_on, size, hz, most_overhead)

@@ -32,6 +32,8 @@ ASSEMBLY: Final = 4
 time to code them."""
 _READ: Final = 3
 """Camera cycles from the end of a block's light until the receiver has its last row."""
+_WHOLE: Final = 1
+"""Camera cycle to which the begin of a block is rounded."""
 _MOST_LOST: Final = 1e-6
 """Share of frames that a mode may be foreseen to lose. A stream has no fountain: a lost frame
 damages some ten packets, and at 8 Gbit/s there are 66 000 frames a second."""
@@ -98,9 +100,13 @@ class StreamSetup(LinkSetup):
 
     @property
     def delay(self) -> int:
-        """Largest delay of a packet that waits for no other, from its end to its arrival, in camera
-        cycles: it just misses a block, and its last byte is in the block after the next one."""
-        return ASSEMBLY + math.ceil(3 * self.block_cycles) + _READ
+        """Largest delay of a packet from the instant at which its last bit leaves a send buffer of
+        the link's rate until it arrives, in camera cycles.
+
+        A block takes at its begin what the link carries until the next one, so after a block no
+        more waits than in the buffer. A packet just misses a block, and its own ends as much
+        later."""
+        return _delay(self.block_cycles)
 
     def first_cycle(self, block: int) -> int:
         """Camera cycle, of the link, in which the first light of a block begins."""
@@ -121,9 +127,14 @@ class StreamSetup(LinkSetup):
         return Transmission(self.mode, StreamOutbox(self.form, self.blocks, ready))
 
 
+def _delay(block_cycles: float) -> int:
+    """See `StreamSetup.delay`."""
+    return ASSEMBLY + math.ceil(2 * block_cycles) + _READ + _WHOLE
+
+
 def set_up_stream(
     scenario: LinkScenario, camera: CameraSetting, device: str | None, progress: Progress,
-    cycles: int, hold: int,
+    cycles: int, hold: Callable[[float], int],
 ) -> StreamSetup:  # fmt: skip
     """Checks a link and chooses its mode.
 
@@ -134,7 +145,8 @@ def set_up_stream(
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: progress of the pilots.
         cycles: length of the stream, camera cycles.
-        hold: camera cycles after the end of the stream in which packets may still wait.
+        hold: camera cycles that the stream waits before the link, of the bits that the link carries
+            in a cycle.
 
     Raises:
         InputError: if the link cannot be simulated.
@@ -160,7 +172,9 @@ def set_up_stream(
     trained = clock.cycle_at(setting.first_light + panel.edge(TRAINING * mode.ticks))
     lead = -(-(max(trained, LEAD) + ASSEMBLY) // BLOCK) * BLOCK
     planes = form.groups * layout.group * mode.ticks
-    length = (lead + cycles + hold) * panel.hz / clock.hz
+    wait = hold(8 * stream_rate(form) * panel.hz / clock.hz / planes)
+    wait += _delay(planes * clock.hz / panel.hz)
+    length = (lead + cycles + wait) * panel.hz / clock.hz
     blocks = max(math.ceil((length - TRAINING * mode.ticks) / planes), 1)
     rng = np.random.Generator(np.random.Philox(key=scenario.seed))
     groups = -(-_STAND_IN // layout.group)

@@ -26,6 +26,7 @@ from cosim.light.source import Source
 from cosim.run.machine import Outcome, Recording
 from cosim.run.result import Metric
 from cosim.spikes.clocked import ClockedEvents, HeldPlanes
+from cosim.spikes.viform import Words
 from cosim.stage import Stage
 from display.chain.pursuit import Pursuit, pursuit_of, pursuit_without_scene
 from display.probes.setup import ProbeCamera
@@ -36,7 +37,6 @@ from scenarios.scenes.kinds.grid import SceneGrid
 from sensor.latched.writes import Registers
 
 if TYPE_CHECKING:
-    from cosim.plan.paired import Words
     from cosim.plan.tiles import PatchPlane
 
     Through = Callable[[PatchPlane], Callable[[Words, int], Words]]
@@ -155,6 +155,10 @@ class Feed:
         if scene is None:
             return pursuit_without_scene(section.pursuit)
         return pursuit_of(scene, self.clock.edge(self.cycles), section.pursuit)
+
+    def sample(self, first: int, cycles: int) -> Words | None:
+        """Words of the planes from a cycle on, before the run; None where they are not known."""
+        return None
 
     def probe_camera(self) -> ProbeCamera | None:
         """The source in the small, for the probes of a display; None if it has none."""

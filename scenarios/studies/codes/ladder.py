@@ -46,9 +46,9 @@ class Rung:
     psnr: float
 
 
-def middle(stream: SpikeStream) -> Viform:
-    """SIDE x SIDE pixels in the middle of a stream, CYCLES cycles of them."""
-    cycles = min(stream.cycles // 32 * 32, CYCLES)
+def middle(stream: SpikeStream, most: int = CYCLES) -> Viform:
+    """SIDE x SIDE pixels in the middle of a stream, its first `most` cycles."""
+    cycles = min(stream.cycles // 32 * 32, most)
     words = stream.read_words(0, words_for(cycles))
     y, x = (max(n - SIDE, 0) // 2 for n in stream.shape)
     part = np.ascontiguousarray(words[:, y : y + SIDE, x : x + SIDE])

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim.spikes.viform import Words, spikes_beyond, words_for
 from sensor.codec.coding import Code, decode_band, encode_band
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.event import MOST_EVENT_CYCLES, Event
 from sensor.codec.packets.layered import LAYERS, Layered
-from sensor.codec.packets.packet import MOST_CYCLES, Layer, TileCode
+from sensor.codec.packets.packet import MOST_CYCLES, Layer, TileCode, Tiles
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class StreamCode:
         tile: side of a tile, pixels.
         layers: number of layers that are made, of `layered`.
         k, refine, threshold, threshold_noise: settings of `statistical`, see `Code`; electrons.
+        phases: number of instants in the cycles of a packet at which packets end, each of a part of
+            the tiles: a link then has bits to carry all the time, and they wait less.
     """
 
     kind: str = "layered"
@@ -38,6 +41,7 @@ class StreamCode:
     refine: int = 0
     threshold: float = 0.0
     threshold_noise: float = 0.0
+    phases: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -52,6 +56,8 @@ class StreamCode:
             )
         if not 8 <= self.tile <= 128 or self.tile % 8:
             raise ValueError(f"tile must be a multiple of 8 from 8 to 128, not {self.tile}")
+        if self.phases < 1 or self.cycles % self.phases:
+            raise ValueError(f"phases must divide {self.cycles} cycles, not {self.phases}")
         if self.kind != "layered" and self.layers != LAYERS:
             raise ValueError(f"layers must be given with layered, not {self.kind}")
         settings = (self.k, self.refine, self.threshold, self.threshold_noise)
@@ -63,6 +69,15 @@ class StreamCode:
     def lossless(self) -> bool:
         """Whether the decoder has every bit again, if no packet is lost."""
         return self.kind != "statistical" and self.layers == LAYERS
+
+    def offsets(self, shape: tuple[int, int]) -> npt.NDArray[np.int64]:
+        """First cycle of the second packet of each tile of a sensor, (tiles,)."""
+        return Tiles(shape, self.tile).offsets(self.cycles, self.phases)
+
+    def end(self, first: int, offset: int) -> int:
+        """Cycle at which the packets of a tile end that begin at a cycle, in a stream that goes on.
+        offset: of the tile."""
+        return first + (self.cycles if first or not offset else offset)
 
     @property
     def number(self) -> int:

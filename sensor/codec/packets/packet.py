@@ -1,7 +1,8 @@
 """A packet: one layer of one tile during a group of cycles. Numbers are little-endian.
 
-    code (1 byte: its place in the catalogue), layer (1), cycles (2), tile (4), first cycle / 32
-    (4), CRC-32C of these twelve bytes and the data (4), data
+    code (1 byte: its place in the catalogue), layer (1), cycles and 1024 times the cycles from the
+    last multiple of 32 to the first one (2), tile (4), first cycle / 32 (4), CRC-32C of these
+    twelve bytes and the data (4), data
 
 The length of the data is not in a packet: the link or file that carries it states it. A packet that
 is lost takes its layer, and the finer ones, of its tile in its cycles, and nothing else.
@@ -18,6 +19,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import fastcrc
+import numpy as np
+import numpy.typing as npt
 
 from cosim.spikes.viform import WORD, Words
 from sensor.codec.columns import Damaged
@@ -26,6 +29,8 @@ MOST_CYCLES = 512
 """Cycles of a packet, at most."""
 _HEAD = struct.Struct("<BBHII")
 _CRC = struct.Struct("<I")
+_APART = 1024
+"""Factor of the cycles of a first cycle beyond whole words, in the field of the cycles."""
 HEADER = _HEAD.size + _CRC.size
 """Bytes before the data."""
 LENGTH = 4
@@ -67,6 +72,14 @@ class Tiles:
             slice(y * side, min((y + 1) * side, height)),
             slice(x * side, min((x + 1) * side, width)),
         )
+
+    def offsets(self, cycles: int, phases: int) -> npt.NDArray[np.int64]:
+        """First cycle of the second packet of each tile, of those of `cycles` cycles, (tiles,). The
+        tiles of each of so many phases lie all over the sensor, so each brings about as many
+        bits."""
+        row, column = np.divmod(np.arange(len(self)), self.grid[1])
+        offsets: npt.NDArray[np.int64] = (3 * row + column) % phases * (cycles // phases)
+        return offsets
 
     def size(self, tile: int) -> tuple[int, int]:
         """(height, width) of a tile in pixels."""
@@ -116,7 +129,7 @@ class Packet:
         code: number of the code in the catalogue.
         layer: 0 for the coarsest.
         tile: number in raster order.
-        first: first cycle, a multiple of 32.
+        first: first cycle.
         cycles: 1 to 512.
         data: what the code made.
         spikes: number of spikes whose time is known from this layer on; 0 in a received one.
@@ -139,8 +152,9 @@ class Packet:
 
     def to_bytes(self) -> bytes:
         """The packet as it is sent. Raises ValueError for numbers beyond its fields."""
+        word, beyond = divmod(self.first, WORD)
         try:
-            head = _HEAD.pack(self.code, self.layer, self.cycles, self.tile, self.first // WORD)
+            head = _HEAD.pack(self.code, self.layer, self.cycles + _APART * beyond, self.tile, word)
         except struct.error as exc:
             raise ValueError(f"a packet must start below cycle 2^37: {exc}") from exc
         crc = fastcrc.crc32.iscsi(self.data, fastcrc.crc32.iscsi(head))
@@ -156,6 +170,9 @@ class Packet:
         if crc != fastcrc.crc32.iscsi(rest, fastcrc.crc32.iscsi(head)):
             raise Damaged("a packet with another checksum")
         code, layer, cycles, tile, word = _HEAD.unpack(head)
+        beyond, cycles = divmod(cycles, _APART)
+        if beyond >= WORD:
+            raise Damaged(f"a packet {beyond} cycles beyond a word")
         if not 1 <= cycles <= MOST_CYCLES:
             raise Damaged(f"a packet of {cycles} cycles")
-        return cls(code, layer, tile, word * WORD, cycles, rest)
+        return cls(code, layer, tile, word * WORD + beyond, cycles, rest)

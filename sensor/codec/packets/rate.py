@@ -46,7 +46,7 @@ class RateControl:
         self.layers_sent = [0] * MOST_LAYERS
         self._counts = dict.fromkeys(COUNTERS, 0)
         self._groups = 0
-        self._before = 0
+        self._before = self._offered = 0
 
     @property
     def statistics(self) -> dict[str, int]:
@@ -57,27 +57,33 @@ class RateControl:
     def offer(self, packets: list[Packet], now: int) -> list[Packet]:
         """Puts the packets of one group that may be sent into the buffer; those that may not.
 
-        packets: all of one group. now: the cycle at which they are there.
+        packets: all of one group. now: the cycle at which they are there. The group takes what
+            the link carries in as many cycles as there were since the last one, and a part of what
+            is free of the buffer, or all of that if it is then sent whole.
         """
         tiles: dict[int, list[Packet]] = defaultdict(list)
         for packet in sorted(packets, key=lambda p: (p.tile, p.layer)):
             tiles[packet.tile].append(packet)
         depth = self._bases(tiles)
-        cycles = max((p.cycles for p in packets), default=0)
+        carried, self._offered = int(self.budget * (now - self._offered)), now
         spare = 4 * self.buffer.limit - 8 * self.buffer.size
-        spare = spare // SPREAD if spare > 0 else spare
-        self._refine(tiles, depth, int(self.budget * cycles) + spare)
+        whole = sum(p.size for p in packets)
+        if 8 * whole <= carried + spare and whole <= self.buffer.free:
+            depth = {tile: len(layers) for tile, layers in tiles.items()}
+        else:
+            spare = spare // SPREAD if spare > 0 else spare
+            self._refine(tiles, depth, carried + spare)
         self._groups += 1
         left_out = []
         for layer in range(MOST_LAYERS):
-            for tile, whole in tiles.items():
+            for tile, layers in tiles.items():
                 if layer < depth.get(tile, 0):
-                    self.buffer.push(whole[layer], now)
+                    self.buffer.push(layers[layer], now)
                     self.layers_sent[layer] += 1
-                    self._counts["sent_bytes"] += whole[layer].size
-                elif layer < len(whole):
-                    left_out.append(whole[layer])
-        self._counts["offered_bytes"] += sum(p.size for p in packets)
+                    self._counts["sent_bytes"] += layers[layer].size
+                elif layer < len(layers):
+                    left_out.append(layers[layer])
+        self._counts["offered_bytes"] += whole
         self._counts["offered_spikes"] += sum(p.spikes for p in packets)
         self._counts["dropped_spikes"] += sum(p.spikes for p in left_out)
         self._counts["dropped_packets"] += len(left_out)
@@ -132,13 +138,19 @@ class RateControl:
 
     def state(self) -> State:
         """Counters and the buffer."""
-        counts = [self._groups, self._before, *self._counts.values(), *self.layers_sent]
+        counts = [
+            self._groups,
+            self._before,
+            self._offered,
+            *self._counts.values(),
+            *self.layers_sent,
+        ]
         buffer = {f"buffer/{name}": value for name, value in self.buffer.state().items()}
         return {"counts": np.array(counts, np.int64), "budget": np.array([self.budget]), **buffer}
 
     def restore(self, state: State) -> None:
         """Goes on from a state."""
-        self._groups, self._before, *rest = (int(n) for n in state["counts"])
+        self._groups, self._before, self._offered, *rest = (int(n) for n in state["counts"])
         self._counts = dict(zip(COUNTERS, rest, strict=False))
         self.layers_sent = rest[len(COUNTERS) :]
         self.budget = float(state["budget"][0])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from cosim import InputError
 from cosim.config.quantity import Quantity, Section
@@ -14,13 +14,25 @@ from sensor.codec.packets.layered import LAYERS
 from sensor.codec.packets.packet import MOST_CYCLES
 from sensor.codec.packets.rate import RateControl
 
+CYCLES: Final = 128
+"""Cycles of a packet where nothing else decides."""
+BUFFER: Final = 20e-3
+"""Send buffer where nothing else decides, s."""
+
 
 class CodeSection(Section):
     """The code of a stream, and the rate that it may take."""
 
     kind: Literal[tuple(KINDS)] = "layered"  # type: ignore[valid-type]  # names of the catalogue
-    cycles: Annotated[int, Field(ge=32, le=MOST_CYCLES, multiple_of=32)] = Field(
-        default=128, description="cycles in a packet: fewer for less delay, more for fewer bits"
+    aim: Literal["picture", "delay"] = Field(
+        default="picture",
+        description="what is kept where the link carries less than the stream brings",
+    )
+    cycles: Annotated[int, Field(ge=32, le=MOST_CYCLES, multiple_of=32)] | None = Field(
+        default=None,
+        examples=[64],
+        description="cycles in a packet: fewer for less delay, more for fewer bits; auto, or "
+        "absent: as few as the link leaves",
     )
     tile: Annotated[int, Field(ge=8, le=128, multiple_of=8)] = Field(
         default=64, description="side of a tile, pixels; a lost packet damages one tile"
@@ -37,11 +49,18 @@ class CodeSection(Section):
     rate: Annotated[float, Quantity("bit rate", above=0, most=1e15)] | None = Field(
         default=None, description="bits a second, at most; what the link carries when absent"
     )
-    buffer: Annotated[float, Quantity("time", above=0, most=10)] = Field(
-        default=20e-3,
-        examples=["20 ms"],
-        description="time that a packet may wait before it is sent",
+    buffer: Annotated[float, Quantity("time", above=0, most=10)] | None = Field(
+        default=None,
+        examples=["3 ms"],
+        description="time that a packet may wait before it is sent; auto, or absent: as little "
+        "as the packets need",
     )
+
+    @field_validator("cycles", "buffer", mode="before")
+    @classmethod
+    def _chosen(cls, value: Any) -> Any:
+        """`auto` is what is chosen when absent."""
+        return None if value == "auto" else value
 
     @model_validator(mode="after")
     def _agrees(self) -> CodeSection:
@@ -54,7 +73,7 @@ class CodeSection(Section):
                     f"code.{given[0]}", f"given with code.kind = {kind}", f"with {self.kind}",
                     "leave it out",
                 )  # fmt: skip
-        if self.kind == "event" and self.cycles > MOST_EVENT_CYCLES:
+        if self.kind == "event" and (self.cycles or 0) > MOST_EVENT_CYCLES:
             raise InputError(
                 "code.cycles", f"at most {MOST_EVENT_CYCLES} with event", f"{self.cycles}",
                 f"write {MOST_EVENT_CYCLES}",
@@ -63,13 +82,15 @@ class CodeSection(Section):
             raise InputError("code.refine", "0, or 2 to 255", "1", "write 2, or 0 for none")
         return self
 
-    def code(self, threshold: float, threshold_noise: float = 0.0) -> StreamCode:
-        """The code. threshold, threshold_noise: of the pixel, electrons."""
+    def code(self, threshold: float, threshold_noise: float = 0.0, phases: int = 1) -> StreamCode:
+        """The code. threshold, threshold_noise: of the pixel, electrons; phases: as in
+        `StreamCode`."""
+        cycles = self.cycles or CYCLES
         if self.kind != "statistical":
-            return StreamCode(self.kind, self.cycles, self.tile, self.layers)
+            return StreamCode(self.kind, cycles, self.tile, self.layers, phases=phases)
         return StreamCode(
-            self.kind, self.cycles, self.tile, LAYERS, self.k, self.refine, threshold,
-            threshold_noise,
+            self.kind, cycles, self.tile, LAYERS, self.k, self.refine, threshold,
+            threshold_noise, phases,
         )  # fmt: skip
 
     def control(self, clock_hz: float, carried: float | None = None) -> RateControl | None:
@@ -80,4 +101,5 @@ class CodeSection(Section):
         limits = [rate for rate in (self.rate, carried) if rate is not None]
         if not limits:
             return None
-        return RateControl(min(limits) / clock_hz, max(int(min(limits) * self.buffer) // 8, 1))
+        buffer = BUFFER if self.buffer is None else self.buffer
+        return RateControl(min(limits) / clock_hz, max(int(min(limits) * buffer) // 8, 1))

@@ -17,12 +17,12 @@ from cosim.spikes.viform import WORD, Words, words_for
 from cosim.stage import BLOCK, State, blocks, section
 from display.probes.setup import ProbeCamera
 from sensor.codec.columns import Damaged
-from sensor.codec.packets.ancillary import WRITE, AncillaryEncoder
+from sensor.codec.packets.ancillary import CODES, WRITE, AncillaryEncoder
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
 from sensor.codec.packets.packet import Packet, Tiles
 from sensor.codec.packets.rate import RateControl
-from sensor.codec.packets.section import CodeSection
+from sensor.codec.packets.section import BUFFER, CYCLES, CodeSection
 
 Mask = npt.NDArray[np.bool_]
 SIDE: Final = 8
@@ -71,7 +71,7 @@ class Sender:
         self, code: StreamCode, shape: tuple[int, int], cycles: int, control: RateControl
     ) -> None:
         self._code, self._control = code, control
-        self._encoder = StreamEncoder(code, shape)
+        self._encoder, self._offsets = StreamEncoder(code, shape), code.offsets(shape)
         self._ancillary = AncillaryEncoder(Tiles(shape, code.tile))
         self._said_bytes = self._said_dropped = self._begun = 0
         self._cycles = cycles
@@ -93,7 +93,8 @@ class Sender:
         )  # fmt: skip
 
     def put(self, data: Viform) -> None:
-        """Codes the next block. A packet can be sent from the end of its last cycle on."""
+        """Codes the next block. A packet can be sent from the end of its last cycle on, and those
+        of the last, shorter groups when whole ones would end: not all tiles at once."""
         self._ancillary.take(data.ancillary)
         packets = self._encoder.encode(data.words, data.start, data.cycles)
         stop = data.start + data.cycles
@@ -101,10 +102,12 @@ class Sender:
             packets += self._encoder.flush()
         groups: dict[int, list[Packet]] = {}
         for packet in packets:
-            groups.setdefault(packet.first + packet.cycles, []).append(packet)
-        for end, group in groups.items():
+            end = self._code.end(packet.first, int(self._offsets[packet.tile]))
+            groups.setdefault(end, []).append(packet)
+        for end, group in sorted(groups.items()):
             self._control.send(end)
-            self._say(group[0].first, group[0].cycles, end)
+            if end >= self._begun + self._code.cycles:
+                self._say(end)
             left_out = self._control.offer(group, end)
             for packet in left_out:
                 place = packet.first, packet.tile
@@ -112,11 +115,11 @@ class Sender:
             left = {id(packet) for packet in left_out}
             self._queue.extend((end, p.to_bytes()) for p in group if id(p) not in left)
 
-    def _say(self, first: int, cycles: int, end: int) -> None:
-        """Sends the ancillary data of a group before its spikes. Charges leave half of the buffer
-        to these."""
-        buffer = self._control.buffer
-        for packet in self._ancillary.group(first, cycles):
+    def _say(self, end: int) -> None:
+        """Sends the ancillary data of the next `cycles` cycles of the code, which all tiles have in
+        common, at their end, before spikes. Charges leave half of the buffer to these."""
+        buffer, first = self._control.buffer, self._begun
+        for packet in self._ancillary.group(first, min(self._code.cycles, self._cycles - first)):
             most = buffer.limit if packet.code == WRITE else buffer.limit // 2
             if buffer.size + packet.size > most:
                 self._said_dropped += 1
@@ -124,7 +127,7 @@ class Sender:
             buffer.push(packet, end)
             self._said_bytes += packet.size
             self._queue.append((end, packet.to_bytes()))
-        self._begun = end
+        self._begun += self._code.cycles
 
     def pop(self, before: int) -> bytes | None:
         """The next packet that can be sent from cycle `before` on or earlier; None for none."""
@@ -135,11 +138,11 @@ class Sender:
     def through(self, stream: Viform) -> Viform:
         """A whole stream as it is decoded from the packets that are sent; for studies without a
         link."""
-        decoder = Decoder(self._code, stream.shape)
+        decoder = Decoder(self._code, stream.shape, stream.cycles)
         for block in blocks(stream.cycles, BLOCK):
             words = stream.words[block.start // WORD : words_for(block.stop)]
             self.put(Viform(words, block.cycles, stream.clock, block.start))
-        while (packet := self.pop(stream.cycles)) is not None:
+        while (packet := self.pop(stream.cycles + self._code.cycles)) is not None:
             decoder.take(packet)
         words, *_ = decoder.read(stream.cycles)
         return Viform(words, stream.cycles, stream.clock, stream.start)
@@ -181,21 +184,28 @@ class Decoder:
     Args:
         code: code of the stream.
         shape: (height, width) of the stream.
+        cycles: length of the stream.
     """
 
-    def __init__(self, code: StreamCode, shape: tuple[int, int]) -> None:
-        self._decoder = StreamDecoder(code, shape)
+    def __init__(self, code: StreamCode, shape: tuple[int, int], cycles: int) -> None:
+        self._decoder = StreamDecoder(code, shape, length=cycles)
+        self._code, self._offsets = code, code.offsets(shape)
 
     def take(self, packet: bytes) -> int | None:
-        """Takes a packet that has arrived. Returns the cycle after its last one; None for a packet
-        that is damaged, or of cycles that were read already."""
+        """Takes a packet that has arrived. Returns the cycle at which it could be sent, that after
+        its last one in a stream that goes on; None for a packet that is damaged, or late."""
         if not self._decoder.take(packet):
             return None
         try:
             read = Packet.of(packet)
         except Damaged:
             return None
-        return read.first + read.cycles
+        offset = 0 if read.code in CODES else int(self._offsets[read.tile])
+        return self._code.end(read.first, offset)
+
+    def due(self, cycle: int) -> None:
+        """Decodes the groups that begin at a cycle or before it: what comes later is lost."""
+        self._decoder.decode(cycle + 1)
 
     def read(self, stop: int) -> tuple[Words, Mask, Mask, tuple[Ancillary, ...]]:
         """The words of the cycles before `stop` that were not read yet, the tiles of which nothing
@@ -237,20 +247,29 @@ class CutCode:
     def _patch(self, words: Words, cycles: int, tile: int) -> Words:
         """One patch, (words, rows, columns). tile: its number on the plane."""
         code, columns = replace(self.code, tile=SIDE), words.shape[2]
-        # Dark pixels beside the patch are always sent: they say how long the last group is.
-        spare = -columns % SIDE + SIDE
-        words = np.pad(words, ((0, 0), (0, 0), (0, spare)))
-        shape = words.shape[1], words.shape[2]
-        encoder, decoder = StreamEncoder(code, shape), StreamDecoder(code, shape)
+        shape = words.shape[1], columns
         small, large = Tiles(shape, SIDE), Tiles(self.shape, self.code.tile)
         top, _, left, _ = self.plane.grid.box(tile)
+        corners = [[part.start for part in small.place(n)] for n in range(len(small))]
+        places = [
+            (top + y) // large.side * large.grid[1] + (left + x) // large.side for y, x in corners
+        ]
+        offsets = self.code.offsets(self.shape)[places]
+        encoder = StreamEncoder(code, shape, offsets)
+        decoder = StreamDecoder(code, shape, 0, offsets, cycles)
         for packet in [*encoder.encode(words, 0, cycles), *encoder.flush()]:
-            y, x = (part.start for part in small.place(packet.tile))
-            place = (top + y) // large.side * large.grid[1] + (left + x) // large.side
-            sent = self.cut.get((packet.first, place), packet.layer + 1)
-            if x >= columns or packet.layer < sent:
+            key = packet.first, places[packet.tile]
+            if packet.layer < self.cut.get(key, packet.layer + 1):
                 decoder.take(packet.to_bytes())
-        return decoder.read(cycles).words[:, :, :columns]
+        return decoder.read(cycles).words
+
+
+def of_a_part(section: CodeSection, clock: Clock) -> CodeSection:
+    """The section for a few tiles, with their share of the bits: while their packets are sent,
+    those of other tiles of the whole stream would not come."""
+    buffer = BUFFER if section.buffer is None else section.buffer
+    more = (section.cycles or CYCLES) / clock.hz
+    return section.model_copy(update={"buffer": buffer + more})
 
 
 @dataclass(frozen=True)
@@ -309,6 +328,6 @@ class CodedProbeCamera:
     def through(self, stream: Viform) -> Viform:
         """The stream as it is decoded."""
         carried = self.bits * stream.shape[0] * stream.shape[1] * self.clock.hz
-        control = self.section.control(self.clock.hz, carried)
+        control = of_a_part(self.section, self.clock).control(self.clock.hz, carried)
         assert control is not None
         return Sender(self.code, stream.shape, stream.cycles, control).through(stream)

@@ -85,6 +85,7 @@ class Schedule:
         lead: cycle of the link at which cycle 0 of the stream is filmed.
         hold: cycles from filming to showing.
         group: cycles that are coded together.
+        step: cycles from the begin of one group to that of the next, of other tiles.
         cycles: length of the stream.
         clock: clock of the stream.
     """
@@ -92,12 +93,13 @@ class Schedule:
     lead: int
     hold: int
     group: int
+    step: int
     cycles: int
     clock: Clock
 
-    def due(self, stop: int) -> int:
-        """Cycle of the link before which packets of the group that ends at `stop` must arrive."""
-        return self.lead + stop - self.group + self.hold
+    def due(self, first: int) -> int:
+        """Cycle of the link before which packets of groups that begin at `first` must arrive."""
+        return self.lead + first + self.hold
 
 
 class FarEnd:
@@ -112,7 +114,7 @@ class FarEnd:
 
     Attributes:
         arrivals: cycle of the link at which each packet arrived, if it did in time, its bytes with
-            its length, and the cycle of the stream after its last one.
+            its length, and the cycle of the stream from which on it could be sent.
         late: packets that arrived too late.
         gaps: cycle of the stream at which each group that was not shown whole begins, its missing
             tiles, and those that were shown with the rate that they had last.
@@ -127,7 +129,7 @@ class FarEnd:
         self.receiver, self._decoder, self._schedule = receiver, decoder, schedule
         self._read_back = read_back
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._shown = self._stepped = 0
+        self._shown = self._begun = self._stepped = 0
         self.gaps: list[tuple[int, int, int]] = []
         self.arrivals: list[tuple[int, int, int]] = []
         self.late = self.missing = self.tiles = 0
@@ -139,13 +141,16 @@ class FarEnd:
         out: list[Viform] = []
         plan = self._schedule
         while self._shown < plan.cycles:
-            stop = min(self._shown + plan.group, plan.cycles)
-            due = plan.due(self._shown + plan.group)
+            due = plan.due(self._begun)
             if self.receiver.known < due and self.receiver.received is None:
                 break
             while self._waiting and self._waiting[0][0] < due:
                 self._take(*self._waiting.popleft())
-            out += self._blocks(stop)
+            self._decoder.due(self._begun)
+            self._begun += plan.step
+            stop = min(self._shown + plan.group, plan.cycles)
+            if self._begun >= stop:
+                out += self._blocks(stop)
         if self._shown == plan.cycles:
             self.late += len(self._waiting)
             self._waiting.clear()

@@ -25,6 +25,7 @@ from display.probes.setup import ProbeCamera
 from link.evaluation.delay import LIGHT
 from link.evaluation.metrics import lock_metrics
 from link.receiving import Received
+from link.verdict import Cause
 from scenarios.assemble.behind.link.coding import Counts
 from scenarios.assemble.behind.link.ends import FarEnd, NearEnd
 from scenarios.assemble.behind.link.rates import RatePoint, code_rates
@@ -164,8 +165,9 @@ def _latency(link: StreamLink, far: FarEnd, period_ps: float) -> list[Latency]:
     setup, hold = link.setup, link.hold
     if not far.arrivals:
         return []
-    group = link.section.cycles
+    group = link.group
     ends = np.array([end for _, _, end in far.arrivals], np.int64) + setup.lead
+    middles = (np.maximum(ends - group, setup.lead) + ends) / 2
     ticks = np.array([tick for tick, _, _ in far.arrivals], np.int64)
     begun = np.array([setup.first_cycle(setup.block_until(int(tick))) for tick in ticks])
     flight = setup.setting.air.distance / LIGHT * 1e12 / period_ps
@@ -177,7 +179,7 @@ def _latency(link: StreamLink, far: FarEnd, period_ps: float) -> list[Latency]:
         *_rows("panel", [panel], period_ps),
         *_rows("air", [flight], period_ps),
         *_rows("link chip", read, period_ps),
-        *_rows("wait to be shown", ends - group / 2 + hold - ticks, period_ps),
+        *_rows("wait to be shown", middles + hold - ticks, period_ps),
     ]
 
 
@@ -338,7 +340,7 @@ def _recovery(link: StreamLink, far: FarEnd) -> float | None:
         return None
     if not far.gaps:
         return 0.0
-    whole = far.gaps[-1][0] + link.section.cycles
+    whole = far.gaps[-1][0] + link.group
     return max(whole - max(ends), 0) * 1e6 / clock.hz
 
 
@@ -356,6 +358,9 @@ def _causes(link: StreamLink, received: Received, far: FarEnd, count: Counts) ->
         )
         causes.append(f"the light of the link was interrupted at {spans}: {lost} frames were lost")
     elif lost:
+        if received.verdict.cause is Cause.TRUNCATED:  # said of files: a stream has no end
+            wrong, read = received.codewords_wrong, received.codewords
+            verdict = f"{wrong} of {read} codewords could not be mended"
         causes.append(f"{lost} frames of the link were lost: {verdict}")
     if count.dropped:
         causes.append(
@@ -367,7 +372,7 @@ def _causes(link: StreamLink, received: Received, far: FarEnd, count: Counts) ->
             "take more than half of the send buffer"
         )
     if far.gaps:
-        first, last = far.gaps[0][0], far.gaps[-1][0] + link.section.cycles
+        first, last = far.gaps[0][0], far.gaps[-1][0] + link.group
         hz = link.stream.clock.hz
         causes.append(
             f"{far.missing} tiles of groups were shown dark and "

@@ -70,14 +70,13 @@ def _rates(run: Run, views: StreamLinkOutcome) -> str:
     against = "the true light" if views.lit else "that of the stream sent"
     data = rates_figure(views.rates, against, path)
     return (
-        "<h2>Picture and wait against the rate of the link</h2><p>The middle of the picture was "
-        "coded again with every code, at rates of the link that are stated for a megapixel: PSNR "
-        f"of TFP at cycle {views.rated} (of median PSNR) against {against}, the longest wait in "
-        "the send buffer, and the share of packets left out. A code that sends nothing has no "
-        "wait. Counts over a packet have less noise than a window of TFP, so still light may look "
+        "<h2>Picture against the rate of the link</h2><p>The middle of the picture was coded again "
+        "with every code, at rates of the link that are stated for a megapixel: PSNR of TFP at "
+        f"cycle {views.rated} (of median PSNR) against {against}, and the share of packets left "
+        "out. Counts over a packet have less noise than a window of TFP, so still light may look "
         "better with fewer layers. Where the link carries less than the code makes, the layered "
         "code sends fewer layers, the others fewer tiles.</p>"
-        + plot(path, "PSNR, wait and packets left out against the rate of the link", data)
+        + plot(path, "PSNR and packets left out against the rate of the link", data)
     )
 
 

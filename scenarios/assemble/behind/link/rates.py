@@ -1,4 +1,4 @@
-"""The picture and the wait against the rate of the link, for every code, on a part of a run."""
+"""The picture against the rate of the link, for every code, on a part of a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cosim import SpikeStream, Viform
 from cosim.report.drawn import Data, Value, write_figure
 from cosim.report.figures import INK, LINE, subplots
 from cosim.spikes.viform import WORD, words_for
-from scenarios.assemble.behind.link.coding import Sender
+from scenarios.assemble.behind.link.coding import Sender, of_a_part
 from sensor.codec.packets.catalogue import KINDS
 from sensor.codec.packets.section import CodeSection
 from sensor.reconstruct.fidelity import psnr, to_white
@@ -39,7 +39,6 @@ class RatePoint:
         rate: rate of the link for a megapixel, bit/s.
         sent: bits of the packets that were sent, for a megapixel, bit/s.
         psnr: TFP of the decoded stream against the truth, dB; infinite if they are equal.
-        wait_us: longest wait of a packet in the send buffer, us.
         dropped: share of the packets that were not sent.
     """
 
@@ -47,7 +46,6 @@ class RatePoint:
     rate: float
     sent: float
     psnr: float
-    wait_us: float
     dropped: float
 
 
@@ -89,8 +87,10 @@ def code_rates(
     seconds = part.cycles / clock.hz
     points = []
     for kind in _COMPARED:
-        given = {"kind": kind, "cycles": section.cycles, "tile": section.tile}
-        one = CodeSection.model_validate(given | {"buffer": f"{section.buffer} s"})
+        one = CodeSection.model_validate({"kind": kind, "tile": section.tile}).model_copy(
+            update={"cycles": section.cycles, "buffer": section.buffer}
+        )
+        one = of_a_part(one, clock)
         code = one.code(threshold, noise)
         for rate in RATES:
             control = one.control(clock.hz, rate * share)
@@ -103,27 +103,24 @@ def code_rates(
             points.append(
                 RatePoint(
                     kind, rate, 8 * count.sent_bytes / seconds / share, psnr(image, truth),
-                    control.buffer.longest / clock.hz * 1e6, count.dropped / max(packets, 1),
+                    count.dropped / max(packets, 1),
                 )
             )  # fmt: skip
     return points
 
 
 def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> Data:
-    """Draws picture, wait and packets left out against the rate. A code that sends nothing has no
-    wait. Returns the points. against: what the picture is compared with."""
-    figure, axes = subplots(1, 3, figsize=(12, 3.4))
+    """Draws picture and packets left out against the rate. Returns the points. against: what the
+    picture is compared with."""
+    figure, axes = subplots(1, 2, figsize=(9, 3.4))
     for kind in dict.fromkeys(point.kind for point in points):
         mine = [point for point in points if point.kind == kind]
         rates = [point.rate / 1e9 for point in mine]
         known = [min(p.psnr, 60.0) if math.isfinite(p.psnr) else 60.0 for p in mine]
         axes[0].plot(rates, known, marker="o", markersize=3, label=kind)
-        waits = [p.wait_us / 1e3 if p.dropped < 1 else math.nan for p in mine]
-        axes[1].plot(rates, waits, marker="o", markersize=3, label=kind)
-        axes[2].plot(rates, [100 * p.dropped for p in mine], marker="o", markersize=3, label=kind)
+        axes[1].plot(rates, [100 * p.dropped for p in mine], marker="o", markersize=3, label=kind)
     axes[0].set_ylabel(f"PSNR of TFP against {against}, dB")
-    axes[1].set_ylabel("longest wait before sending, ms")
-    axes[2].set_ylabel("packets left out, %")
+    axes[1].set_ylabel("packets left out, %")
     for ax in axes:
         ax.set_xscale("log")
         ax.set_xlabel("rate of the link for a megapixel, Gbit/s")
@@ -132,12 +129,9 @@ def rates_figure(points: Sequence[RatePoint], against: str, path: Path) -> Data:
     axes[0].legend(fontsize=8)
     figure.tight_layout()
     write_figure(figure, path, 130)
-    head = (
-        "code", "rate, Gbit/s", "PSNR, dB, at most 60", "longest wait, ms", "packets left out, %"
-    )  # fmt: skip
+    head = "code", "rate, Gbit/s", "PSNR, dB, at most 60", "packets left out, %"
     rows: list[tuple[Value, ...]] = [
-        (p.kind, p.rate / 1e9, min(p.psnr, 60.0), p.wait_us / 1e3 if p.dropped < 1 else None,
-         100 * p.dropped)
+        (p.kind, p.rate / 1e9, min(p.psnr, 60.0), 100 * p.dropped)
         for p in points
     ]  # fmt: skip
     return Data(head, rows)

@@ -30,6 +30,7 @@ from link.setting import check_receiver
 from link.setup.stream import StreamSetup, set_up_stream
 from scenarios.assemble.behind.link.coding import CodedProbeCamera, Decoder, Sender
 from scenarios.assemble.behind.link.ends import EachBlock, FarEnd, Later, NearEnd, Schedule
+from scenarios.assemble.behind.link.hold import PHASES, Stretch, choose_hold
 from scenarios.assemble.chip import camera_setting
 from scenarios.assemble.schema.scenario import Scenario, StreamScenario
 from scenarios.assemble.source.feeds import THRESHOLD, Feed
@@ -104,7 +105,24 @@ class SentStream:
     @property
     def wait(self) -> int:
         """Largest wait in the send buffer, cycles."""
-        return math.ceil(self.code.buffer * self.clock.hz)
+        assert self.code.buffer is not None
+        return math.ceil(round(self.code.buffer * self.clock.hz, 6))
+
+    @property
+    def hold(self) -> int:
+        """Cycles that a spike waits for its packet and in the send buffer."""
+        assert self.code.cycles is not None
+        return self.code.cycles + self.wait
+
+    def chosen(self, carried: float) -> tuple[SentStream, str]:
+        """The stream with packets and a buffer for a link that carries so many bits a cycle, and a
+        note on their choice."""
+        feed = self.feed
+        stretch = Stretch(
+            self.shape, self.cycles, self.clock, feed.threshold, feed.noise, feed.sample
+        )
+        code, note = choose_hold(self.code, stretch, carried)
+        return replace(self, code=code), note
 
     @property
     def pixel_cycles(self) -> int:
@@ -156,12 +174,14 @@ class StreamLink:
         planned: the link and its plan.
         setup: mode, timing and cameras of the link.
         promised: bound of the share of codewords that arrive otherwise than with full physics.
+        choice: how packets and buffer were chosen, for the notes; "" if they are given.
     """
 
     stream: SentStream
     planned: PlannedLink
     setup: StreamSetup
     promised: float
+    choice: str
 
     @property
     def section(self) -> CodeSection:
@@ -169,14 +189,20 @@ class StreamLink:
         return self.stream.code
 
     @property
+    def group(self) -> int:
+        """Cycles of a packet."""
+        assert self.section.cycles is not None
+        return self.section.cycles
+
+    @property
     def hold(self) -> int:
         """Cycles from filming to showing: the group, the wait in the send buffer, the link."""
-        return self.section.cycles + self.stream.wait + self.setup.delay
+        return self.stream.hold + self.setup.delay
 
     @property
     def code(self) -> StreamCode:
         """The code, for the pixels that fire."""
-        return self.section.code(self.stream.feed.threshold, self.stream.feed.noise)
+        return self.section.code(self.stream.feed.threshold, self.stream.feed.noise, PHASES)
 
     def probe(self, camera: ProbeCamera) -> CodedProbeCamera:
         """A camera of probes behind the code."""
@@ -214,6 +240,7 @@ class StreamLink:
         hz = self.stream.clock.hz
         return [
             *self.setup.notes(),
+            *([self.choice] if self.choice else []),
             f"the link carries {number(self.setup.rate * hz / 1e9)} Gbit/s of packets; the stream "
             f"is shown {number(self.hold / hz * 1e3)} ms after it is filmed",
         ]
@@ -244,7 +271,8 @@ class StreamLink:
 
     def identity(self) -> str:
         """Text of the properties on which a checkpoint depends, beyond the scenario."""
-        return f"{self.setup.mode} {self.planned.plan.tier} {sorted(self.planned.plan.left_out)}"
+        plan = self.planned.plan
+        return f"{self.setup.mode} {self.section} {plan.tier} {sorted(plan.left_out)}"
 
     def join(self, stages: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """The stages of the whole chain.
@@ -273,8 +301,9 @@ class StreamLink:
             begin=self.joins,
             device=setup.device,
         )
-        schedule = Schedule(setup.lead, self.hold, self.section.cycles, cycles, clock)
-        decoder = Decoder(code, shape)
+        group = code.cycles
+        schedule = Schedule(setup.lead, self.hold, group, group // PHASES, cycles, clock)
+        decoder = Decoder(code, shape, cycles)
         return {
             **{name: Later(stage, setup.lead, cycles) for name, stage in near.items()},
             "code": end,
@@ -310,19 +339,22 @@ def make_stream_link(stream: SentStream, device: str | None, progress: Progress)
         device: number or part of the name of an OpenCL device, "numba", or None for the default.
         progress: progress of the pilots.
     """
-    link = stream.scenario()
+    link, choice = stream.scenario(), ""
+
+    def hold(carried: float) -> int:
+        nonlocal stream, choice
+        stream, choice = stream.chosen(carried)
+        return stream.hold
+
     with section_at("link.sensor"):
-        setup = set_up_stream(
-            link, _receiver(link, stream), device, progress, stream.cycles,
-            2 * stream.code.cycles + stream.wait,
-        )  # fmt: skip
+        setup = set_up_stream(link, _receiver(link, stream), device, progress, stream.cycles, hold)
     planned, promised = plan_link(setup), 0.0
     for tolerance in _TOLERANCES:
         planned = plan_link(replace(setup, chosen=replace(setup.chosen, tolerance=tolerance)))
         promised = _promised(setup, planned.plan)
         if promised <= _SHARE * stream.tolerance:
             break
-    return StreamLink(stream, planned, setup, promised)
+    return StreamLink(stream, planned, setup, promised, choice)
 
 
 def _receiver(link: LinkScenario, stream: SentStream) -> CameraSetting:

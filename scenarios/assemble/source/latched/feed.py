@@ -15,6 +15,8 @@ from cosim.config.amounts import number
 from cosim.light.source import Source
 from cosim.plan.error import accepted_error
 from cosim.run.machine import Outcome
+from cosim.spikes.viform import WORD, Words
+from cosim.stage import BLOCK, blocks
 from display import DisplaySetting
 from display.chain.pursuit import Pursuit
 from display.section import DisplaySection
@@ -24,6 +26,7 @@ from sensor import CameraSetting, SpikeCamera
 from sensor.latched.ancillary import AncillaryStage
 from sensor.latched.reading import ReadingCamera
 from sensor.latched.sampling import row_offsets
+from sensor.latched.stages import readout_stages
 
 NOISY: Final = 1 << 16
 """Cycles of a recording up to which the sampling instants of its rows are noisy: each cycle then
@@ -33,7 +36,8 @@ clock above 60 kHz."""
 PART: Final = 4096
 """Cycles that are simulated at once, whole words: a noisy camera looks through all pieces of its
 light in each cycle."""
-
+SETTLE: Final = 64
+"""Cycles before a sample, in which pixels fire once or more and forget how they began."""
 
 if TYPE_CHECKING:
     from scenarios.assemble.source.feeds import Through
@@ -80,6 +84,24 @@ class LatchedFeed(Feed):
         charges = machine.camera if isinstance(machine.camera, ReadingCamera) else None
         dark = dark_cycles(machine.scenario.sensor, setting)
         return AncillaryStage(setup.shape, setting.phases, setting.threshold, charges, dark)
+
+    def sample(self, first: int, cycles: int) -> Words | None:
+        """See `Feed`. A camera that begins a little earlier films a part of the scene."""
+        machine, setup = self._machine, self._machine.setup
+        if machine.plan_check is None:  # a board makes the spikes
+            return None
+        begin = max(first - SETTLE, 0)
+        stages = [
+            *setup.stages(setup.source()).values(), machine.plan.camera(setup.device),
+            *readout_stages(machine.scenario.sensor.duplicated_rows).values(),
+        ]  # fmt: skip
+        words: list[Words] = []
+        for block in blocks(first + cycles - begin, BLOCK):
+            data: Any = None
+            for stage in stages:
+                data = stage.step(data, Block(begin + block.start, block.cycles))
+            words.append(np.array(data.words))
+        return np.concatenate(words)[(first - begin) // WORD :]
 
     def renewed(self, machine: LatchedMachine) -> LatchedFeed:
         return LatchedFeed(machine)

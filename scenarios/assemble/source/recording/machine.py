@@ -29,6 +29,8 @@ from cosim.spikes.clocked import (
     ClockedEvents,
 )
 from cosim.spikes.staged import StreamStage, Telling
+from cosim.spikes.viform import Words
+from cosim.stage import Block
 from scenarios.assemble.instants import choose_windows
 from scenarios.assemble.schema.scenario import RecordingScenario
 from scenarios.assemble.source.feeds import Feed, Planes
@@ -214,6 +216,13 @@ class RecordedFeed(Feed):
             registers=None if said is None else said.setting.registers,
             **({"residues": self._telling.charges} if said is None else said.panel),
         )  # fmt: skip
+        self._stream = None if live else found.stream
+
+    def sample(self, first: int, cycles: int) -> Words | None:
+        """See `Feed`. Spikes that have not come yet, and events, are not known."""
+        if self._stream is None:
+            return None
+        return StreamStage(self._stream).step(None, Block(first, cycles)).words
 
     def telling(self) -> AncillaryStage | Telling | None:
         if self._said is not None:

@@ -4,8 +4,10 @@ and go on from a state."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from cosim import Clock, Viform
 from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite
@@ -60,11 +62,13 @@ def sent(made: Sender, first: int = 0) -> list[bytes]:
             made.put(block(each.start, each.cycles))
         while (packet := made.pop(each.stop)) is not None:
             packets.append(packet)
+    while (packet := made.pop(CYCLES + CODE.cycles)) is not None:  # of the last, shorter groups
+        packets.append(packet)
     return packets
 
 
 def heard(packets: Sequence[bytes], step: int = 64) -> list[Ancillary]:
-    decoder, found = Decoder(CODE, SHAPE), list[Ancillary]()
+    decoder, found = Decoder(CODE, SHAPE, CYCLES), list[Ancillary]()
     for packet in packets:
         decoder.take(packet)
     for stop in range(step, CYCLES + step, step):
@@ -72,7 +76,10 @@ def heard(packets: Sequence[bytes], step: int = 64) -> list[Ancillary]:
     return found
 
 
-def test_what_was_said_comes_back() -> None:
+@pytest.mark.parametrize("phases", [1, 3])
+def test_what_was_said_comes_back(phases: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where tiles end their packets at instants of their own."""
+    monkeypatch.setattr(f"{__name__}.CODE", replace(CODE, phases=phases))
     made = sender()
     packets = sent(made)
     assert same(heard(packets), SAID) and same(heard(packets, 32), SAID)
@@ -122,7 +129,7 @@ def test_both_ends_go_on_from_a_state() -> None:
             while (packet := first.pop(each.stop)) is not None:
                 got.append(packet)
         assert got == packets and first.counts.ancillary_bytes > 0
-        one, other = Decoder(CODE, SHAPE)._decoder, Decoder(CODE, SHAPE)._decoder
+        one, other = Decoder(CODE, SHAPE, CYCLES)._decoder, Decoder(CODE, SHAPE, CYCLES)._decoder
         for packet in packets:
             one.take(packet)
         found = list(one.read(cut).ancillary)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.spikes.viform import words_for
+from cosim.spikes.viform import unpack_planes, words_for
 from cosim.stage import Stateful
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
@@ -20,7 +20,8 @@ CODES = (
     StreamCode(tile=16), StreamCode(cycles=512, tile=8), StreamCode("raw", 64, 16),
     StreamCode("first-spike", 96, 32), StreamCode(layers=4, tile=16),
     StreamCode("statistical", 128, 16, k=3.0, refine=8, threshold=1000.0),
-    StreamCode("event", 64, 16),
+    StreamCode("event", 64, 16), StreamCode(cycles=64, tile=8, phases=8),
+    StreamCode("raw", 32, 16, phases=16), StreamCode("first-spike", 96, 8, phases=3),
 )  # fmt: skip
 
 
@@ -53,7 +54,7 @@ def test_every_kind_is_tried():
     assert {code.kind for code in CODES} == set(KINDS)
 
 
-@pytest.mark.parametrize("code", CODES, ids=lambda code: f"{code.kind}-{code.cycles}")
+@pytest.mark.parametrize("code", CODES, ids=lambda code: f"{code.kind}-{code.cycles}-{code.phases}")
 def test_the_packets_do_not_depend_on_the_cut_nor_the_words_on_the_reading(code, words):
     sent = packets_of(code, words)
     for cut in (2, 3, 11):
@@ -68,6 +69,38 @@ def test_the_packets_do_not_depend_on_the_cut_nor_the_words_on_the_reading(code,
     assert np.array_equal(whole.words, words) == code.lossless
     assert not (whole.held.any() or whole.missing.any())
     assert not (whole.words[-1] >> np.uint32(CYCLES % 32)).any()
+
+
+def test_with_phases_packets_end_all_the_time_and_the_tiles_of_each_lie_everywhere(words):
+    code = StreamCode("raw", 64, 8, phases=8)
+    sent = packets_of(code, words)
+    ends = [packet.first + packet.cycles for packet in sent]
+    assert ends == sorted(ends) and set(ends) == {*range(8, CYCLES, 8), CYCLES}
+    tiles = Tiles(SHAPE, 8)
+    offsets = tiles.offsets(64, 8).reshape(tiles.grid)
+    assert all(len(set(row)) == len(row) for row in (*offsets, *offsets.T))
+    for packet in sent:  # whole groups but for the first and the last one of a tile
+        whole = packet.first and packet.first + packet.cycles < CYCLES
+        assert packet.cycles == 64 or not whole
+
+
+def test_a_group_that_was_decoded_takes_no_more_packets_and_others_do(words):
+    code = StreamCode(cycles=64, tile=8, phases=8)
+    sent, offsets = packets_of(code, words), Tiles(SHAPE, 8).offsets(64, 8)
+    decoder = StreamDecoder(code, SHAPE)
+    decoder.decode(65)
+    begun = {p for p in range(len(sent)) if sent[p].first < 65}
+    assert begun and [decoder.take(p.to_bytes()) for p in sent] == [
+        n not in begun for n in range(len(sent))
+    ]
+    decoded = decoder.read(CYCLES)
+    assert decoder.statistics["late"] == len(begun) and decoded.missing.all()
+    for tile, offset in enumerate(offsets):
+        rows, columns = Tiles(SHAPE, 8).place(tile)
+        first = int(offset) + (64 if offset else 128)  # after the groups that were decoded
+        kept = unpack_planes(decoded.words, first, CYCLES)[:, rows, columns]
+        assert np.array_equal(kept, unpack_planes(words, first, CYCLES)[:, rows, columns])
+        assert not unpack_planes(decoded.words, 0, first)[:, rows, columns].any()
 
 
 def test_both_are_stages_with_a_state():

@@ -25,10 +25,11 @@ def stream(cycles: int) -> Viform:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("tile", [8, 24, 64])
-def test_patches_decode_as_the_whole_stream_does(kind: str, tile: int) -> None:
+@pytest.mark.parametrize("phases", [1, 8])
+def test_patches_decode_as_the_whole_stream_does(kind: str, tile: int, phases: int) -> None:
     given, rng = stream(230), np.random.default_rng(tile)
-    code = CodeSection(kind=kind, cycles=64, tile=tile).code(1000.0, 5.0)
-    encoder, decoder = StreamEncoder(code, SHAPE), StreamDecoder(code, SHAPE)
+    code = CodeSection(kind=kind, cycles=64, tile=tile).code(1000.0, 5.0, phases)
+    encoder, decoder = StreamEncoder(code, SHAPE), StreamDecoder(code, SHAPE, length=230)
     cut: dict[tuple[int, int], int] = {}
     for packet in [*encoder.encode(given.words, 0, 230), *encoder.flush()]:
         place = packet.first, packet.tile

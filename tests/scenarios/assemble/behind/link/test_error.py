@@ -22,7 +22,7 @@ def _no_minute_of_light(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(folder: Path, rate: str | None, tolerance: float) -> dict[str, Any]:
-    code: dict[str, Any] = {"cycles": 64, "tile": 32, "buffer": "3.2 ms"}
+    code: dict[str, Any] = {"cycles": 128, "tile": 32, "buffer": "3.2 ms"}
     scenario = validate({
         "title": "a code", "duration": "6 ms", "image": {"at": [160]}, "tolerance": tolerance,
         "scene": {"kind": "film", "drawn": "chart", "illuminance": "700 lux"},
