@@ -27,6 +27,8 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from cosim.config.amounts import number
+
 Values = npt.NDArray[np.float64]
 LAWS: Final = ("none", "clip", "log", "reinhard")
 Law = Literal["none", "clip", "log", "reinhard"]
@@ -85,8 +87,9 @@ class Tone:
         white."""
         packets = white_rate / self.white
         return (
-            f"tone mapping by the law {self.law}: a spike of the panel stands for {packets:.3g} of "
-            f"the camera's, white is shown at {self.white * self.peak:.3g} of {self.peak:.3g} cd/m2"
+            f"tone mapping by the law {self.law}: at white a spike of the panel stands for "
+            f"{number(packets)} of the camera's, and is shown at {number(self.white * self.peak)} "
+            f"of {number(self.peak)} cd/m2"
         )
 
 
@@ -139,9 +142,9 @@ class SeenRange:
     def told(self) -> str:
         """The range in words."""
         return (
-            f"an eye that has adapted to {self.adapted:.3g} cd/m2 sees {self.seen:.2f} of the "
+            f"an eye that has adapted to {number(self.adapted)} cd/m2 sees {self.seen:.2f} of the "
             f"scene's {self.scene:.2f} decades: {self.clipped:.2f} are shown at the peak, "
-            f"{self.eye:.2f} below its threshold of {self.threshold:.3g} cd/m2, and "
+            f"{self.eye:.2f} below its threshold of {number(self.threshold)} cd/m2, and "
             f"{self.camera:.2f} are missing in the planes"
         )
 
