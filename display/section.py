@@ -16,6 +16,7 @@ from display.drives import DRIVES
 from display.observe.observers import CameraPlane, FixedEye, PursuingEye
 from display.observe.views import Observer
 from display.panels.panel import FramePanel, Projector, SpikePanel, fit_words
+from display.panels.tone import Law, Tone
 from display.render.kinds import RendererKind
 from display.setting import DisplaySetting
 
@@ -97,6 +98,20 @@ class DisplaySection(Section):
     luminance: Annotated[float, Quantity("luminance", above=0, most=1e6)] = Field(
         default=300.0, description="luminance of white"
     )
+    tone: Law = Field(
+        default="none",
+        description="law of tone mapping between the values of asynchronous or continuous pixels "
+        "and the panel, for white of more than a spike a cycle; none refuses it",
+    )
+    peak: Annotated[float, Quantity("luminance", above=0, most=1e6)] | None = Field(
+        default=None,
+        examples=["1000 cd/m2"],
+        description="luminance of a pixel that fires in every cycle, with tone; by default that of "
+        "white",
+    )
+    tone_decades: Annotated[float, Field(gt=0, le=15)] = Field(
+        default=8.0, description="decades of light below white that log and reinhard compress"
+    )
     pulse: Annotated[float, Field(gt=0, le=1)] = Field(
         default=1.0, description="share of a cycle in which the impulse drive emits a packet"
     )
@@ -167,6 +182,18 @@ class DisplaySection(Section):
         "software, else gl; numpy: the golden model, exact and slow",
     )
 
+    @property
+    def mapped(self) -> Tone | None:
+        """The tone mapping; None without one. Raises InputError for a peak without a law."""
+        if self.tone == "none":
+            if self.peak is not None:
+                raise InputError(
+                    "display.peak", "given with display.tone alone", f"{self.peak:g} cd/m2",
+                    "write --set display.tone=clip, or leave it out",
+                )  # fmt: skip
+            return None
+        return Tone(self.tone, self.luminance, self.peak or self.luminance, self.tone_decades)
+
     def panel(
         self, stream: tuple[int, int], clock: Clock, row_skew: float, white_rate: float
     ) -> SpikePanel:
@@ -188,6 +215,8 @@ class DisplaySection(Section):
                 f"{white_rate:.3g} spikes a cycle",
                 "close the lens (sensor.lens.f_number), dim the scene or raise sensor.threshold",
             )  # fmt: skip
+        tone = self.mapped
+        luminance = self.luminance if tone is None else tone.white * tone.peak
         check_planes(clock.hz)
         shape = self.height or stream[0], self.width or stream[1]
         if self.fit == "exact" and shape != stream:
@@ -207,7 +236,7 @@ class DisplaySection(Section):
             )
         return SpikePanel(
             shape, clock, white_rate, self.drive, self.pulse, self.rise, self.decay, self.row_scan,
-            seconds_to_ps(self.transport), self.fill, self.luminance,
+            seconds_to_ps(self.transport), self.fill, luminance,
         )  # fmt: skip
 
     def reference_panels(self) -> list[FramePanel | Projector]:

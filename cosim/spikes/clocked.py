@@ -8,7 +8,7 @@ and are held between.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -200,33 +200,45 @@ class Reported:
         return Change(int(self._cycle[span.start]), chosen, value[::-1][place])
 
 
-def held_events(events: Events, clock: Clock, cycles: int) -> HeldPlanes:
+Rates = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+"""Spikes a cycle that a panel shows for those of a camera, (n,)."""
+
+
+def held_events(
+    events: Events, clock: Clock, cycles: int, shown: Rates | None = None
+) -> HeldPlanes:  # fmt: skip
     """The planes of events that are sent only where a width has changed: until its next event a
-    pixel fires at the rate of the last width, or of the last reading of its charge."""
-    held = Reported(*held_values(events, clock, cycles))
+    pixel fires at the rate of the last width, or of the last reading of its charge. shown: maps
+    these rates to those of the planes; None for the same."""
+    held = Reported(*held_values(events, clock, cycles, shown))
     return HeldPlanes(held, events.shape, clock, FINE)
 
 
 def held_values(
-    events: Events, clock: Clock, cycles: int
+    events: Events, clock: Clock, cycles: int, shown: Rates | None = None
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Cycle, pixel and value of these events for `Reported`, of which FINE fires in every cycle."""
     share = np.ones(len(events)) if events.level is None else events.level / events.levels
     a_cycle = events.clock.hz / clock.hz  # ticks
-    value = np.rint(np.minimum(FINE * share * a_cycle / events.width, 2.0 * FINE))
+    rate = share * a_cycle / events.width
+    value = np.rint(np.minimum(FINE * (rate if shown is None else shown(rate)), 2.0 * FINE))
     cycle = latching_cycles(tick_ends(events.time, events.clock), clock, cycles)
     pixel = events.row.astype(np.int64) * events.shape[1] + events.column
     return cycle, pixel, value.astype(np.int64)
 
 
-def held_reports(reports: Intensities, white: float, white_rate: float) -> HeldPlanes:
+def held_reports(
+    reports: Intensities, white: float, white_rate: float, shown: Rates | None = None
+) -> HeldPlanes:  # fmt: skip
     """The planes of the reports of continuous pixels.
 
     Args:
         reports: electrons a second.
         white: value of white, electrons a second.
         white_rate: spikes a cycle of white.
+        shown: maps these rates to those of the planes; None for the same.
     """
-    value = np.rint(np.minimum(reports.value * (FINE * white_rate / white), 2.0 * FINE))
+    rate = reports.value * (white_rate / white)
+    value = np.rint(np.minimum(FINE * (rate if shown is None else shown(rate)), 2.0 * FINE))
     held = Reported(reports.time, reports.pixel, value.astype(np.int64))
     return HeldPlanes(held, reports.shape, reports.clock, FINE)

@@ -114,6 +114,12 @@ def display_cards(shown: Shown) -> list[Card]:
             ("first", _text(shown, "psnr_spike"),
              "PSNR of the image in the still eye against that of the true light" + beside("psnr"))
         )  # fmt: skip
+    seen = shown.run.result.metrics.get("seen_decades")
+    if seen is not None and seen.value is not None:
+        scene = number(shown.run.result.metrics["scene_decades"].value)
+        rows.append(
+            ("first", f"{number(seen.value)} decades", f"of the scene's {scene} that an eye sees")
+        )
     return [*rows, *([] if shown.camera is None else shown.camera.cards())]
 
 

@@ -29,6 +29,7 @@ from display.chain.outcome import (
     write_observer_images,
 )
 from display.panels.panel import fit_words
+from display.panels.tone import SeenRange, Tone, seen_range
 from display.probes.setup import ProbeCamera
 from display.report.filmed import FramesFilmer
 from display.report.sections import (
@@ -41,7 +42,7 @@ from display.report.shown import Filmer, Shown
 from display.report.tables import display_lines
 from scenarios.assemble.behind.spike_camera import make_spikes_filmer
 from scenarios.assemble.schema.scenario import RecordingScenario, SpikesSection, StreamScenario
-from scenarios.assemble.source.feeds import Feed
+from scenarios.assemble.source.feeds import Feed, TonedSource
 from scenarios.scenes.charts.patches import ColourChart, chart_matrix
 
 
@@ -118,6 +119,11 @@ class Screen:
         files, filmed = write_observer_images(folder, seen, colours), {}
         if colours is not None and isinstance(feed.source, ColourChart):
             filmed = _chart_metrics(seen, colours, feed.source)
+        told: list[str] = []
+        if feed.tone is not None:
+            found = self._seen_range(seen, feed.tone)
+            filmed |= _range_metrics(found)
+            told = [] if found is None else [found.told]
         if self.camera is not None:
             files += self.camera.write(folder, [feed.clock.middle(n) for n in self.instants])
             filmed |= self.camera.metrics()
@@ -141,9 +147,27 @@ class Screen:
             latency=[*outcome.latency, *seen.latency()],
             throughput=[*outcome.throughput, *speeds],
             files=[*outcome.files, *files],
+            notes=[*outcome.notes, *told],
             table=display_lines(seen),
             views=ScreenViews(seen, stream),
         )
+
+    def _seen_range(self, seen: DisplayOutcome, tone: Tone) -> SeenRange | None:
+        """What an eye at rest sees of the targets of a scene in its last image; None where it has
+        none, or where no eye is at rest."""
+        scene, images = self.feed.source, seen.images[SPIKE].get("eye")
+        if not isinstance(scene, TonedSource) or images is None:
+            return None
+        targets = sorted(getattr(scene.bare, "targets", []), key=lambda target: -target.lux)
+        if len(targets) < 2 or images.shape[1:] != scene.shape:
+            return None
+        luminance = images[-1].astype(np.float64) * (tone.white * tone.peak)
+        dark = ~np.logical_or.reduce([target.mask for target in targets])
+        truth = scene.bare.truth(0).astype(np.float64)
+        light = np.array([float(truth[target.mask].mean()) for target in targets])
+        shown = np.array([float(luminance[target.mask].mean()) for target in targets])
+        around = float(luminance[dark].mean()) if dark.any() else 0.0
+        return seen_range(tone, light, shown, around, float(luminance.mean()))
 
     def _probes(self, progress: Progress) -> Any:
         """Blur, flicker and delay; None without a camera to probe with."""
@@ -186,6 +210,21 @@ def _colours(kind: str | None, mosaic: Mosaic | None) -> Colours | None:
         return partial(balanced, mosaic)
     matrix = chart_matrix(mosaic).astype(np.float32)
     return lambda image: balanced(mosaic, image) @ matrix.T
+
+
+def _range_metrics(found: SeenRange | None) -> dict[str, Metric]:
+    """The range that an eye sees, and where the rest of the scene's was lost."""
+    why = "the scene has no targets of known light, or no eye at rest sees them"
+    names = ("scene", "seen", "lost_at_the_peak", "lost_to_the_eye", "lost_before_the_panel")
+    if found is None:
+        return {f"{name}_decades": Metric(None, "decades", why) for name in names}
+    values = found.scene, found.seen, found.clipped, found.eye, found.camera
+    return {
+        **{f"{n}_decades": Metric(v, "decades") for n, v in zip(names, values, strict=True)},
+        "seen_range": Metric(20 * found.seen, "dB"),
+        "eye_threshold": Metric(found.threshold, "cd/m2"),
+        "eye_adapted_to": Metric(found.adapted, "cd/m2"),
+    }
 
 
 def _chart_metrics(

@@ -128,6 +128,12 @@ RULES: tuple[_Rule, ...] = (
         "leave it out: the planes have the clock of the stream, sensor.clock",
     ),
     _Rule(
+        lambda data: _value(data, "display", "tone") not in (None, "none")
+        and (not _unlatched(data) or is_recording(data) or "imager" in data),
+        "display.tone", "given with asynchronous or continuous pixels alone", "with another source",
+        "leave it out: the spikes of a latched pixel, and digital numbers, are at most white",
+    ),
+    _Rule(
         lambda data: _value(data, "display", "colour") is not None
         and (_unlatched(data) or is_recording(data) or "imager" in data),
         "display.colour", "given with sensor.colour of a latched chip alone", "with another source",

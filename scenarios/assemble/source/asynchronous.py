@@ -130,34 +130,48 @@ class EventFeed(Feed):
             spec.illuminance * spec.lens.gain * spec.setting.electrons_per_lux
             / (spec.model.threshold * clock.hz)
         )  # fmt: skip
-        if rate * clock.hz > FASTEST:
+        self._rate = rate
+        self._tone = tone = None if scenario.display is None else scenario.display.mapped
+        if tone is None and rate * clock.hz > FASTEST:
             raise InputError(
                 "display", f"absent where white fires at {rate * clock.hz:.3g} Hz, more than a "
                 "spike a cycle of the fastest sensor.clock", "given",
-                "leave it out, raise sensor.threshold, or close the lens (sensor.lens.f_number)",
+                "set display.tone=log, leave it out, raise sensor.threshold, or close the lens "
+                "(sensor.lens.f_number)",
             )  # fmt: skip
-        if rate > 1:
+        if tone is None and rate > 1:
             raise InputError(
                 "sensor.clock",
                 f"at least {at_least(rate * clock.hz, 4)} Hz with a [display]: white must "
                 "fire at most once a cycle", f"{clock.hz:g} Hz",
-                "raise it or sensor.threshold, or close the lens (sensor.lens.f_number)",
+                "raise it or sensor.threshold, set display.tone=log, or close the lens "
+                "(sensor.lens.f_number)",
             )  # fmt: skip
         self._changes = spec.model.change > 0
         told = "the width of an event, held until the next" if self._changes else "as it fires"
+        mapped = "" if tone is None else f"; {tone.told(rate)}"
+        # Held planes have no noise of a threshold.
+        own = spec.model.threshold if tone is None and not self._changes else THRESHOLD
         super().__init__(
-            spec.shape, clock, spec.cycles, rate,
-            f"the scene's white, {rate:.3g} spikes a cycle: {told}", scenario.scene,
-            THRESHOLD if self._changes else spec.model.threshold,  # held planes have no such noise
+            spec.shape, clock, spec.cycles, rate if tone is None else tone.white,
+            f"the scene's white, {rate:.3g} spikes a cycle: {told}{mapped}", scenario.scene, own,
+            tone=tone,
         )  # fmt: skip
         self._machine = machine
 
-    def probe_camera(self) -> EventProbeCamera:
+    def probe_camera(self) -> EventProbeCamera | None:
+        if self._tone is not None:  # its planes are not those of a camera's rates
+            return None
         return EventProbeCamera.of(self._machine)
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:
         """See `Feed`."""
         events: Events = outcome.views.events
+        if self._tone is not None:
+            share, white = self._tone.share, self._rate
+            return Planes(
+                held_events(events, self.clock, self.cycles, lambda rate: share(rate / white))
+            )
         if self._changes:
             return Planes(held_events(events, self.clock, self.cycles))
         full, partial = only_full(events)

@@ -114,19 +114,26 @@ class ContinuousFeed(Feed):
         spec = machine.spec
         rate, chip = spec.section.lens.white_rate, spec.setting.chip
         self._white = spec.white
+        self._tone = tone = None if scenario.display is None else scenario.display.mapped
+        mapped = "" if tone is None else f"; {tone.told(rate)}"
         super().__init__(
-            (chip.height, chip.width), spec.setting.clock, spec.cycles, rate,
+            (chip.height, chip.width), spec.setting.clock, spec.cycles,
+            rate if tone is None else tone.white,
             f"the scene's white, {spec.white:.3g} electrons/s, fires at sensor.lens.white_rate = "
-            f"{rate:g}", scenario.scene,
+            f"{rate:g}{mapped}", scenario.scene, tone=tone,
         )  # fmt: skip
         self._spec = spec
 
-    def probe_camera(self) -> ContinuousProbeCamera:
+    def probe_camera(self) -> ContinuousProbeCamera | None:
+        if self._tone is not None:  # its planes are not those of a camera's rates
+            return None
         return ContinuousProbeCamera(self._spec, self)
 
     def planes(self, recording: Recording, outcome: Outcome) -> Planes:
         """See `Feed`."""
-        return Planes(held_reports(outcome.views.reports, self._white, self.white_rate))
+        shown = None if self._tone is None else self._tone.share
+        rate = self.white_rate if shown is None else 1.0
+        return Planes(held_reports(outcome.views.reports, self._white, rate, shown))
 
 
 @dataclass(frozen=True)

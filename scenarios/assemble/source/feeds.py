@@ -19,7 +19,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from cosim import Clock
+import numpy as np
+
+from cosim import Block, Clock, Light, Piece, Plane
 from cosim.compute.opencl import Device
 from cosim.light.mosaic import Mosaic
 from cosim.light.source import Source
@@ -29,6 +31,7 @@ from cosim.spikes.clocked import ClockedEvents, HeldPlanes
 from cosim.spikes.viform import Words
 from cosim.stage import Stage
 from display.chain.pursuit import Pursuit, pursuit_of, pursuit_without_scene
+from display.panels.tone import Tone
 from display.probes.setup import ProbeCamera
 from display.section import DisplaySection
 from display.setting import DisplaySetting
@@ -94,6 +97,47 @@ class Planes:
         return notes
 
 
+class TonedSource:
+    """A scene behind a law of tone mapping, as a `Source`: what the displays beside a panel with
+    that law show, and what its picture is compared with. White stays white.
+
+    Args:
+        source: the scene.
+        tone: the law.
+        white: illuminance of white, lux.
+    """
+
+    def __init__(self, source: Source, tone: Tone, white: float) -> None:
+        self.bare, self._tone, self._white = source, tone, white
+        self.shape, self.notes, self.degraded = source.shape, source.notes, source.degraded
+        self._known: list[tuple[Piece, Piece]] = []
+
+    def step(self, data: None, block: Block) -> Light:
+        """See `Source`. Between its knots the light is linear, as before the law."""
+        return Light(tuple(self._piece(piece) for piece in self.bare.step(data, block).pieces))
+
+    def truth(self, ps: int) -> Plane:
+        return self._shown(self.bare.truth(ps))
+
+    def points(self) -> Any:
+        return self.bare.points()
+
+    def _shown(self, plane: Plane) -> Plane:
+        return np.asarray(self._tone.share(plane) / self._tone.white, np.float32)
+
+    def _piece(self, piece: Piece) -> Piece:
+        """The same object for the same piece, which others prepare once."""
+        for known, made in self._known:
+            if known is piece:
+                return made
+        white = np.float32(self._white)
+        first = self._shown(piece.first / white) * white
+        last = first if piece.constant else self._shown(piece.last / white) * white
+        made = Piece(piece.start, piece.stop, first, last)
+        self._known = [*self._known[-3:], (piece, made)]
+        return made
+
+
 @dataclass(frozen=True, eq=False)
 class Feed:
     """How the output of a machine feeds what stands behind it.
@@ -115,6 +159,7 @@ class Feed:
             has the planes without those spikes.
         residues: whether planes of charges below threshold come with the spikes.
         registers: thresholds and windows that are written during the stream; None for none.
+        tone: law by which the planes show the source's values; None for the values themselves.
     """
 
     pst_lm: ClassVar[bool] = False
@@ -132,6 +177,7 @@ class Feed:
     dark: int = 0
     residues: bool = False
     registers: Registers | None = None
+    tone: Tone | None = None
 
     @property
     def planned(self) -> DisplaySetting | None:
@@ -140,8 +186,12 @@ class Feed:
 
     @cached_property
     def source(self) -> Source | None:
-        """The scene of the recording, for one pass; None without one."""
-        return self._draw()
+        """The scene of the recording, for one pass, its light as a panel of its tone would show it;
+        None without one."""
+        drawn = self._draw()
+        if drawn is None or self.tone is None or self.scene is None:
+            return drawn
+        return TonedSource(drawn, self.tone, self.scene.illuminance)
 
     def _draw(self) -> Source | None:
         """The scene on the pixels of the planes."""
