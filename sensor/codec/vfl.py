@@ -31,7 +31,8 @@ from cosim.spikes.viform import WORD, Words, words_for
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.ancillary import CODES, AncillaryDecoder, AncillaryEncoder
 from sensor.codec.packets.catalogue import KINDS, StreamCode
-from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
+from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.packet import HEADER, Packet, Tiles
 
 VFL = ".vfl"

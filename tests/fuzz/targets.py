@@ -38,7 +38,8 @@ from scenarios.scenes.clips.film import FilmSource
 from sensor.codec.coding import Code
 from sensor.codec.files import open_any, write_fsc
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
+from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.packet import HEADER
 from sensor.codec.vfl import write_vfl
 from tests.fuzz.engine import LONGEST, Target

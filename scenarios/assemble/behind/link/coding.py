@@ -19,7 +19,8 @@ from display.probes.setup import ProbeCamera
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.ancillary import CODES, WRITE, AncillaryEncoder
 from sensor.codec.packets.catalogue import StreamCode
-from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
+from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.packet import Packet, Tiles
 from sensor.codec.packets.rate import RateControl
 from sensor.codec.packets.section import BUFFER, CYCLES, CodeSection

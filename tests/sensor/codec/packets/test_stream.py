@@ -11,7 +11,8 @@ from cosim.spikes.viform import unpack_planes, words_for
 from cosim.stage import Stateful
 from sensor.codec.columns import Damaged
 from sensor.codec.packets.catalogue import KINDS, StreamCode
-from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
+from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.packet import HEADER, LENGTH, Packet, Tiles
 from tests.sensor.codec.packets.streams import steady
 

@@ -9,7 +9,8 @@ from cosim import Clock, Viform
 from cosim.plan.tiles import PatchPlane, TileGrid
 from scenarios.assemble.behind.link.coding import CutCode
 from sensor.codec.packets.catalogue import KINDS
-from sensor.codec.packets.coder import StreamDecoder, StreamEncoder
+from sensor.codec.packets.coder import StreamEncoder
+from sensor.codec.packets.decoder import StreamDecoder
 from sensor.codec.packets.section import CodeSection
 
 SHAPE = (72, 56)
