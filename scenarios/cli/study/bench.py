@@ -118,7 +118,7 @@ def _print_rows(document: dict[str, Any]) -> None:
     tell(f"{'':<20} {'tier':<{wide}} {'':<25} {names}")
     for row in document["rows"]:
         real, limit, plain, share = (
-            "" if row[key] is None else number(row[key])
+            "" if row.get(key) is None else number(row[key])
             for key in ("realtime", "ceiling_ratio", "plain_ratio", "share")
         )
         tell(
