@@ -32,6 +32,7 @@ _TOGETHER: Final = 8
 """Planes that are made at once, at most: each takes memory of its own."""
 _COARSE: Final = 8
 """Size of a pixel of the coarse grid that a wide halo is computed on, camera pixels."""
+_NONE: Final = np.zeros((0, 0), np.float32)
 
 
 def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
@@ -45,14 +46,40 @@ def lens_psf(optics: Optics, distance: float, defocus: bool = True) -> Psf:
 
 
 @njit(cache=True, nogil=True)
-def _weigh(weights, light):  # type: ignore[no-untyped-def]
-    """Sum of weights x light, both (h, w) float32."""
-    total = 0.0
-    for row in range(light.shape[0]):
-        line = np.float64(0)
-        for column in range(light.shape[1]):
-            line += weights[row, column] * light[row, column]
-        total += line
+def _shine(plane, factors, bands, offset, hidden, weights, pad, out):  # type: ignore[no-untyped-def]
+    """Fills the inside of `out` with the light of a panel's plane.
+
+    Args:
+        plane: (h, w), 1 for a pixel that is on.
+        factors: (rows of patches, w) float32, light of a pixel that is on.
+        bands: (rows of patches + 1,) first row of each, and the end.
+        offset: light of every pixel, float32.
+        hidden: number of columns that are covered.
+        weights: (h, w) float32; (0, 0) for none.
+        pad: rows and columns around the inside.
+        out: (h + 2 pad, w + 2 pad) float32; the output.
+
+    Returns:
+        Sum of weights x light.
+    """
+    width, total = plane.shape[1], 0.0
+    for band in range(len(factors)):
+        for row in range(bands[band], bands[band + 1]):
+            line, by, on = out[row + pad, pad:][:width], factors[band], plane[row]
+            for column in range(width):
+                line[column] = np.float32(on[column]) * by[column] + offset
+            line[:hidden] = 0.0
+            if weights.size:
+                weight = weights[row]
+                a = b = c = d = 0.0  # four sums, which do not wait for each other
+                for column in range(0, width - 3, 4):
+                    a += weight[column] * line[column]
+                    b += weight[column + 1] * line[column + 1]
+                    c += weight[column + 2] * line[column + 2]
+                    d += weight[column + 3] * line[column + 3]
+                for column in range(width - width % 4, width):
+                    a += weight[column] * line[column]
+                total += (a + b) + (c + d)
     return total
 
 
@@ -68,20 +95,19 @@ def _finish(image, base, glare, mean, stray):  # type: ignore[no-untyped-def]
         mean: mean of the whole image, lux; NaN if `image` is the whole image.
         stray: illuminance added everywhere, lux.
     """
-    total = 0.0
-    for row in range(image.shape[0]):
-        line = np.float64(0)
-        for column in range(image.shape[1]):
-            value = max(image[row, column] + base[row, column], np.float32(0))
-            image[row, column] = value
-            line += value
-        total += line
     if np.isnan(mean):
+        total = 0.0
+        for row in range(image.shape[0]):
+            line = np.float64(0)
+            for column in range(image.shape[1]):
+                line += max(image[row, column] + base[row, column], np.float32(0))
+            total += line
         mean = total / image.size
     keep, add = np.float32(1 - glare), np.float32(glare * mean + stray)
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
-            image[row, column] = keep * image[row, column] + add
+            value = max(image[row, column] + base[row, column], np.float32(0))
+            image[row, column] = keep * value + add
 
 
 class Air:
@@ -276,24 +302,28 @@ class Air:
             shift: (dx, dy) of the image, camera pixels.
             factors: (patches,) scintillation factors.
         """
-        level = self._levels
+        level, weighed = self._levels, 0.0
+        by = self.patches.columns(level.panel * factors)
         # The difference from the surroundings is projected, so that the panel's edge is correct.
-        light = plane.astype(np.float32)
-        self.patches.multiply(light, level.panel * factors)
-        light += np.float32(level.face - level.around)
-        light[:, : self._hidden] = 0
+        offset = np.float32(level.face - level.around)
+        weights = _NONE if self._weights is None else self._weights
+
+        def shine(padded: npt.NDArray[np.float32], pad: int) -> None:
+            nonlocal weighed
+            weighed = _shine(
+                plane, by, self.patches.bands, offset, self._hidden, weights, pad, padded
+            )
+
         if self._weights is None:
-            return self._whole(light, shift)
-        image = self._projection(light, shift, self._places)
-        size = self.shape[0] * self.shape[1]
-        mean = max(self._base_sum + _weigh(self._weights, light), 0.0) / size
+            return self._whole(self._projection.image(shine, shift))
+        image = self._projection.image(shine, shift, self._places)
+        mean = max(self._base_sum + weighed, 0.0) / (self.shape[0] * self.shape[1])
         _finish(image, self._base, self._glare, mean, self._stray)
         return image
 
-    def _whole(self, light: Plane, shift: tuple[float, float]) -> Plane:
-        """`_lux` where light spreads over many pixels: the whole image, then its patches."""
+    def _whole(self, image: Plane) -> Plane:
+        """`_lux` where light spreads over many pixels: from the whole image, then its patches."""
         level, base = self._levels, self._base
-        image = self._projection(light, shift)
         if level.halo > 0:
             share = level.halo / level.dimmed
             base = base + share * (self._spread(image) + level.around)

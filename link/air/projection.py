@@ -15,6 +15,7 @@ compiler.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, Final
@@ -154,17 +155,33 @@ class Projection:
 
         Args:
             plane: (h, w) light of the panel; 0 outside.
+            shift, places: see `image`.
+        """
+
+        def fill(padded: npt.NDArray[np.float32], pad: int) -> None:
+            padded[pad:-pad, pad:-pad] = plane
+
+        return self.image(fill, shift, places)
+
+    def image(
+        self, fill: Callable[[npt.NDArray[np.float32], int], None],
+        shift: tuple[float, float] = (0.0, 0.0), places: Places | None = None,
+    ) -> Plane:  # fmt: skip
+        """Camera's image of a panel, (height, width) float32.
+
+        Args:
+            fill: writes the light of the panel into the inside of a plane with as many rows and
+                columns around it as given, which are 0.
             shift: (dx, dy) of the image, camera pixels.
             places: patches to compute, with the same bits as in the whole image; None for the whole
                 image. The result is then as from `cut`.
         """
-        pad = self._pad
         try:
             padded = self._free.pop()
         except IndexError:
             padded = np.zeros(self._size, np.float32)
-        padded[pad:-pad, pad:-pad] = plane
         try:
+            fill(padded, self._pad)
             if places is None or self.wide:
                 image = self._widely(self._patch(padded, shift, *self._all))
                 return image if places is None else cut(image, places)

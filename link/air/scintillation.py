@@ -77,6 +77,7 @@ class Patches:
 
     Attributes:
         shape: (rows, columns) of patches.
+        bands: (rows + 1,) first row of the panel of each row of patches, and the end.
     """
 
     def __init__(self, panel: tuple[int, int], pitch: float, side: float) -> None:
@@ -84,21 +85,17 @@ class Patches:
             max(min(math.floor(n * pitch / side) if side > 0 else n, n), 1) for n in panel
         )
         self.shape = rows, columns
-        self._bands = [n * panel[0] // rows for n in range(rows + 1)]
+        self.bands = np.array([n * panel[0] // rows for n in range(rows + 1)])
         self._widths = np.diff([n * panel[1] // columns for n in range(columns + 1)])
 
     @property
     def count(self) -> int:
         return self.shape[0] * self.shape[1]
 
-    def multiply(self, light: npt.NDArray[np.float32], factors: Values) -> None:
-        """Multiplies light (height, width) by the factor of each patch, (count,), in place."""
-        by = factors.astype(np.float32).reshape(self.shape)
-        if self.count == 1:
-            light *= by[0, 0]
-            return
-        for row, (first, stop) in enumerate(zip(self._bands[:-1], self._bands[1:], strict=True)):
-            light[first:stop] *= np.repeat(by[row], self._widths)
+    def columns(self, factors: Values) -> npt.NDArray[np.float32]:
+        """Factors of the patches, (count,), as those of the panel's columns in each row of patches,
+        (rows of patches, width)."""
+        return np.repeat(factors.astype(np.float32).reshape(self.shape), self._widths, axis=1)
 
 
 class FlickerSeries:

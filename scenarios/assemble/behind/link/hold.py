@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Clock
+from cosim.compute.table_cache import cached_value
 from cosim.spikes.viform import Words
 from sensor.codec.packets.catalogue import StreamCode
 from sensor.codec.packets.coder import group_bits
@@ -128,7 +129,12 @@ class Stretch:
         return Need(*(max(getattr(one, name) for one in found) for name in Need.__annotations__))
 
     def _bits(self, code: StreamCode, words: Words, cycles: int) -> npt.NDArray[np.float64]:
-        bits = group_bits(code, words, cycles)
+        def coded() -> list[float]:
+            return group_bits(code, words, cycles).tolist()
+
+        # A function of the spikes alone, which takes seconds: the next run has the same ones.
+        kept = cached_value("packet_bits", (code, words, cycles), ("sensor",), list[float], coded)
+        bits = np.array(kept)
         offsets = code.offsets(self.shape) * code.phases // code.cycles
         found = np.bincount(offsets, bits, code.phases).astype(np.float64)
         return found * max(code.cycles / cycles, 1.0)
