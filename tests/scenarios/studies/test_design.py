@@ -228,7 +228,7 @@ def test_no_file_breaks_it(data: bytes) -> None:
             assert "\n" not in str(exc)
 
 
-amount = st.sampled_from(["0 e", "1e-300 e", "1 e", "1e6 e"])
+amount = st.sampled_from(["0 e", "1e-30 e", "1 e", "1e6 e"])
 
 
 @given(
