@@ -126,7 +126,8 @@ def _fidelity(watch: Watch, spikes: float, lost: int, added: int) -> str:
     whose = "the recording's" if watch.feed.scene is None else "the camera's"
     if not lost and not added:
         return f"{what} is exactly {whose}: every spike in its cycle, and no other"
-    return f"{what} is not exactly {whose}: {percent(lost / max(spikes, 1))} of the spikes moved"
+    share = percent(lost / max(spikes, 1))
+    return f"{what} is not exactly {whose}: {share} of the spikes are not shown in their cycle"
 
 
 def _psnr(shots: Sequence[Shot]) -> Metric:
@@ -371,8 +372,8 @@ def _causes(link: StreamLink, received: Received, far: FarEnd, count: Counts) ->
         )
     if count.ancillary_dropped:
         causes.append(
-            f"{count.ancillary_dropped} packets of charges below threshold were not sent: they "
-            "take more than half of the send buffer"
+            f"{count.ancillary_dropped} packets of register writes or charges were not sent: the "
+            "send buffer had no room for them"
         )
     if far.gaps:
         first, last = far.gaps[0][0], far.gaps[-1][0] + link.group
