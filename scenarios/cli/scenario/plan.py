@@ -200,12 +200,15 @@ def _plan_text(document: dict[str, Any]) -> str:
     if predicted["sensor_s"] is None:
         lines.append(f"full physics would take {elapsed(predicted['full_physics_s'])}")
     else:
+        beside = {
+            "full physics would take": predicted["full_physics_s"],
+            "drawing the scene takes": predicted["scene_s"],
+        }
         lines.append(
             f"sensor: {elapsed(predicted['sensor_s'])} predicted "
             f"({number(predicted['ns_per_pixel_cycle'])} ns per pixel and cycle), "
-            f"{elapsed(predicted['everything_s'])} with every effect; full physics would take "
-            f"{elapsed(predicted['full_physics_s'])}; drawing the scene takes "
-            f"{elapsed(predicted['scene_s'])}"
+            f"{elapsed(predicted['everything_s'])} with every effect"
+            + "".join(f"; {what} {elapsed(s)}" for what, s in beside.items() if s is not None)
         )
     if "stages" in predicted:
         lines += _run(document)
