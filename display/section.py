@@ -184,7 +184,14 @@ class DisplaySection(Section):
 
     @property
     def mapped(self) -> Tone | None:
-        """The tone mapping; None without one. Raises InputError for a peak without a law."""
+        """The tone mapping; None without one. Raises InputError for keys that a law does not have,
+        which would change nothing."""
+        plain = type(self).model_fields["tone_decades"].default
+        if self.tone_decades != plain and self.tone not in ("log", "reinhard"):
+            raise InputError(
+                "display.tone_decades", "given with display.tone = log or reinhard alone",
+                f"{self.tone_decades:g}", "write --set display.tone=log, or leave it out",
+            )  # fmt: skip
         if self.tone == "none":
             if self.peak is not None:
                 raise InputError(

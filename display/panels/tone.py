@@ -80,7 +80,7 @@ class Tone:
     @property
     def brightest(self) -> float:
         """The least light, white = 1, that is shown at the peak; at most white."""
-        return min(self.light(1.0), 1.0)
+        return min(self.light(1.0), 1.0) if self.law == "clip" else 1.0
 
     def told(self, white_rate: float) -> str:
         """What the law does to white, in words. white_rate: spikes a cycle of the camera's

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cosim import PS, Clock, Events, InputError, Light, Viform, seconds_to_ps
 from cosim.compute.stopping import heed
-from cosim.config.amounts import at_least
+from cosim.config.amounts import at_least, number
 from cosim.config.quantity import FASTEST
 from cosim.config.toml import to_toml
 from cosim.run.machine import Outcome, Recording
@@ -154,8 +154,8 @@ class EventFeed(Feed):
         own = spec.model.threshold if tone is None and not self._changes else THRESHOLD
         super().__init__(
             spec.shape, clock, spec.cycles, rate if tone is None else tone.white,
-            f"the scene's white, {rate:.3g} spikes a cycle: {told}{mapped}", scenario.scene, own,
-            tone=tone,
+            f"the scene's white, {number(rate)} spikes a cycle: {told}{mapped}",
+            scenario.scene, own, tone=tone,
         )  # fmt: skip
         self._machine = machine
 

@@ -151,12 +151,12 @@ def _plan_text(document: dict[str, Any]) -> str:
         *([f"tiles: {counts}"] if counts else []),
         *([f"mode: {_mode(document['mode'])}"] if "mode" in document else []),
         "",
-        f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>14}",
+        f"{'effect':<28}{'kept in':>10}{'leaving it out changes':>24}{'costs':>18}",
     ]
     for row in document["rows"]:
         bound = f"{'' if row['kind'] == 'proof' else '~'}{number(row['bound'])}"
         cost = f"{number(row['cost_ns'])} ns" if row["cost_ns"] else "nothing"
-        lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>14}")
+        lines.append(f"{row['effect']:<28}{row['kept']:>10.1%}{bound:>24}{cost:>18}")
     lines.append("")
     if document["promised"] == 0 and not document.get("left_out"):
         lines.append("nothing is left out")
@@ -200,12 +200,15 @@ def _plan_text(document: dict[str, Any]) -> str:
     if predicted["sensor_s"] is None:
         lines.append(f"full physics would take {elapsed(predicted['full_physics_s'])}")
     else:
+        beside = {
+            "full physics would take": predicted["full_physics_s"],
+            "drawing the scene takes": predicted["scene_s"],
+        }
         lines.append(
             f"sensor: {elapsed(predicted['sensor_s'])} predicted "
             f"({number(predicted['ns_per_pixel_cycle'])} ns per pixel and cycle), "
-            f"{elapsed(predicted['everything_s'])} with every effect; full physics would take "
-            f"{elapsed(predicted['full_physics_s'])}; drawing the scene takes "
-            f"{elapsed(predicted['scene_s'])}"
+            f"{elapsed(predicted['everything_s'])} with every effect"
+            + "".join(f"; {what} {elapsed(s)}" for what, s in beside.items() if s is not None)
         )
     if "stages" in predicted:
         lines += _run(document)

@@ -32,6 +32,7 @@ def test_known_points_of_the_laws() -> None:
     assert Tone("clip", 300.0, PEAK, 5.0).white == pytest.approx(0.3)
     assert Tone("clip", 4000.0, PEAK, 5.0).brightest == pytest.approx(0.25)
     log = Tone("log", 300.0, PEAK, 4.0)
+    assert all(Tone("log", 300.0, PEAK, decades).brightest == 1 for decades in (2.0, 5.0, 8.0))
     # Far above 10^-4 of white, a decade has the same share everywhere.
     steps = np.diff(log.share([1e-2, 1e-1, 1.0]))
     assert steps == pytest.approx([0.25, 0.25], abs=0.001)

@@ -168,6 +168,28 @@ def test_draws_are_chosen_and_the_error_is_named_by_its_kind(viform, refused, tm
     assert refused("plan", "light-link", "--draws", "each").startswith("draws must be one of ")
 
 
+def test_a_plan_says_no_time_that_is_not_known(viform: Any) -> None:
+    small = "sensor.continuous.width=32", "sensor.continuous.height=32", "duration=2 ms"
+    sets = "sensor.pixel=continuous", *small
+    words = "plan", "film", *(w for s in sets for w in ("--set", s))
+    predicted = json.loads(viform(*words, "--json").out)["predicted"]
+    assert predicted["full_physics_s"] is None
+    text = viform(*words).out
+    assert "with every effect\n" in text and "takes unknown" not in text
+    assert "take unknown" not in text
+
+
+def test_the_columns_of_a_plan_stand_apart(viform: Any) -> None:
+    """Also where a cost has the longest text, such as 1.59 x 10^-5 ns."""
+    small = "sensor.asynchronous.width=64", "sensor.asynchronous.height=64"
+    text = viform("plan", "sun-and-stars", *(w for s in small for w in ("--set", s))).out
+    head, *rows = text.split("\n\n")[1].splitlines()
+    assert head.split()[0] == "effect" and any("10⁻⁵ ns" in row for row in rows)
+    for row in rows:
+        cells = re.split(r" {2,}", row)
+        assert len(cells) == 4, row
+
+
 def test_a_clip_in_the_place_of_a_scenario_or_stream_is_pointed_to_film(refused, clip, tmp_path):
     line = refused("run", clip)
     assert line == (

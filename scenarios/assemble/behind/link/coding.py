@@ -42,7 +42,8 @@ class Counts:
         peak_bytes: largest content of the send buffer.
         layers: packets sent of each layer.
         ancillary_bytes: packets of what the source says beyond its spikes that were sent.
-        ancillary_dropped: packets of it that did not fit into half of the send buffer.
+        ancillary_dropped: packets of it that found no room in the send buffer: charges in half of
+            it, writes in all.
     """
 
     coded_bytes: int

@@ -165,9 +165,8 @@ def choose_hold(section: CodeSection, stream: Stretch, carried: float) -> tuple[
             break
         if need.fits and (section.buffer is None or need.buffer <= section.buffer * hz):
             share = f"{100 * need.load:.0f} % of what the link carries"
-            return _resolved(
-                section, n, need.buffer / hz, f"the shortest in which all fits, {share}"
-            )
+            fits = "the shortest in which all fits" if section.cycles is None else "all fits"
+            return _resolved(section, n, need.buffer / hz, f"{fits}, {share}")
         if n == tried[0]:
             cycles = tried[-1] if need.load <= _LONG else CYCLES
             if need.load > _HOPELESS:
@@ -184,4 +183,5 @@ def _resolved(
     """The section with cycles and buffer, unless it gives them, and the note."""
     buffer = buffer if section.buffer is None else section.buffer
     one = section.model_copy(update={"cycles": cycles, "buffer": buffer})
-    return one, f"packets of {cycles} cycles: {why}"
+    given = "" if section.cycles is None else ", as given"
+    return one, f"packets of {cycles} cycles{given}: {why}"

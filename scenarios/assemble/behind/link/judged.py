@@ -126,7 +126,8 @@ def _fidelity(watch: Watch, spikes: float, lost: int, added: int) -> str:
     whose = "the recording's" if watch.feed.scene is None else "the camera's"
     if not lost and not added:
         return f"{what} is exactly {whose}: every spike in its cycle, and no other"
-    return f"{what} is not exactly {whose}: {percent(lost / max(spikes, 1))} of the spikes moved"
+    share = percent(lost / max(spikes, 1))
+    return f"{what} is not exactly {whose}: {share} of the spikes are not shown in their cycle"
 
 
 def _psnr(shots: Sequence[Shot]) -> Metric:
@@ -160,7 +161,9 @@ def _latency(link: StreamLink, far: FarEnd, period_ps: float) -> list[Latency]:
 
     A packet waits for the end of its group, in the send buffer, and is on the panel for the rest of
     its blocks; then it waits until its group is shown. Every spike takes the same time in all. The
-    waits for the code and to be shown are those of a spike in the middle of its group.
+    waits for the code and to be shown are those of a spike in the middle of its group. Light that
+    is on its way for less than a tick is seen in the tick in which it is sent: the chip adds
+    nothing, and what is left of the tick is waited.
     """
     setup, hold = link.setup, link.hold
     if not far.arrivals:
@@ -172,14 +175,15 @@ def _latency(link: StreamLink, far: FarEnd, period_ps: float) -> list[Latency]:
     begun = np.array([setup.first_cycle(setup.block_until(int(tick))) for tick in ticks])
     flight = setup.setting.air.distance / LIGHT * 1e12 / period_ps
     panel = setup.block_cycles
-    read = ticks - begun - panel - flight
+    seen = begun + panel + flight
+    read = np.maximum(ticks - seen, 0.0)
     return [
         *_rows("code", [0, group / 2, group], period_ps),
         *_rows("send buffer", begun - ends, period_ps),
         *_rows("panel", [panel], period_ps),
         *_rows("air", [flight], period_ps),
         *_rows("link chip", read, period_ps),
-        *_rows("wait to be shown", middles + hold - ticks, period_ps),
+        *_rows("wait to be shown", middles + hold - seen - read, period_ps),
     ]
 
 
@@ -368,8 +372,8 @@ def _causes(link: StreamLink, received: Received, far: FarEnd, count: Counts) ->
         )
     if count.ancillary_dropped:
         causes.append(
-            f"{count.ancillary_dropped} packets of charges below threshold were not sent: they "
-            "take more than half of the send buffer"
+            f"{count.ancillary_dropped} packets of register writes or charges were not sent: the "
+            "send buffer had no room for them"
         )
     if far.gaps:
         first, last = far.gaps[0][0], far.gaps[-1][0] + link.group

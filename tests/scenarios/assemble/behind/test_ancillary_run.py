@@ -186,6 +186,19 @@ def test_what_is_said_crosses_a_link(tmp_path, says):
         assert np.all(shown[:, true[1] * DIM < 1 / 150] == 0) and shown.max() > 0.5
 
 
+@pytest.mark.parametrize("says", ["writes", "charges"])
+def test_what_finds_no_room_is_counted_and_named(tmp_path, capfd, says):
+    """A buffer of a few bytes takes neither registers nor charges, nor the spikes."""
+    link = {"link": LINK["link"], "code": {"cycles": 64, "buffer": "2 ms", "rate": "60 kbit/s"}}
+    result, metrics, _ = run(data_of(says, DISPLAY | link), tmp_path / "a")
+    notes = capfd.readouterr().err
+    assert result.outcome == "degraded" and metrics["ancillary_bytes"] == 0
+    count = f"{metrics['ancillary_dropped']:.0f}"
+    assert metrics["ancillary_dropped"] > 0
+    assert f"{count} packets of register writes or charges were not sent: the send" in notes
+    assert "not exactly the camera's: 100 % of the spikes are not shown in their cycle" in notes
+
+
 @pytest.mark.parametrize("says", ["writes", "dark"])
 def test_a_board_displays_the_planes_of_what_is_said(tmp_path, says):
     _, metrics, _ = run(data_of(says, BOARD), tmp_path / "a")

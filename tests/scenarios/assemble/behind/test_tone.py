@@ -115,6 +115,12 @@ def test_a_law_maps_light_between_knots_and_keeps_pieces() -> None:
         ("sun-and-stars", ("display.tone=dark",), "display.tone must be"),
         ("film", ("display.peak=1000 cd/m2",), "display.peak must be given with display.tone"),
         ("sun-and-stars", ("display.peak=1000 lux",), "display.peak must be a luminance"),
+        ("glass", ("display.tone_decades=3",), "display.tone_decades must be given with"),
+        (
+            "sun-and-stars",
+            ("display.tone=clip", "display.tone_decades=3"),
+            "display.tone_decades must be given with display.tone = log or reinhard alone, not 3",
+        ),
     ],
 )
 def test_what_has_no_tone_is_refused_in_one_line(

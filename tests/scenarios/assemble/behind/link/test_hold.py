@@ -95,7 +95,8 @@ def test_the_aim_says_what_gives_way(stream: Viform) -> None:
 def test_what_is_given_is_kept_and_what_is_unknown_is_not_guessed(stream: Viform) -> None:
     given = CodeSection(cycles=96, buffer="2 ms", tile=32)
     assert choose_hold(given, stretch(stream), 1.0) == (given, "")
-    one, _ = choose_hold(CodeSection(cycles=96, tile=32), stretch(stream), 1e9)
+    one, note = choose_hold(CodeSection(cycles=96, tile=32), stretch(stream), 1e9)
+    assert "packets of 96 cycles, as given: all fits" in note and "shortest" not in note
     assert one.cycles == 96 and one.buffer is not None and one.buffer < 1e-3
     two, _ = choose_hold(CodeSection(buffer="2 ms", tile=32), stretch(stream), 1e9)
     assert (two.cycles, two.buffer) == (32, 2e-3)

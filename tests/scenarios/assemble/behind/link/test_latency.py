@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from cosim.spikes.viform import words_for
 from display.probes import metrics
 from display.probes.waveform import panel_light
 from display.quality.edges import half_way, risen
+from scenarios.assemble.behind.link.judged import _latency
 from scenarios.assemble.behind.link.stream_link import RECEIVED
 from scenarios.assemble.behind.machine import ChainMachine
 from scenarios.assemble.machine import assemble
@@ -85,6 +87,26 @@ def stated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
         began=time.perf_counter(), report=lambda machine, run: [],
     )  # fmt: skip
     return folder, done.result.document()
+
+
+@pytest.mark.parametrize("distance", [2.0, 20_000.0])
+def test_no_stage_takes_less_than_no_time_and_their_sum_is_the_hold(distance: float) -> None:
+    """Light that is on its way for less than a tick is seen in the tick in which it is sent."""
+    period, group, lead, hold = 25e6, 64, 96, 98  # ps, then cycles
+    setup = SimpleNamespace(
+        lead=lead, block_cycles=8.0, block_until=lambda tick: tick // 8 - 2,
+        first_cycle=lambda block: 8 * (block + 1),
+        setting=SimpleNamespace(air=SimpleNamespace(distance=distance)),
+    )  # fmt: skip
+    end = 128
+    link: Any = SimpleNamespace(setup=setup, hold=hold, group=group)
+    far: Any = SimpleNamespace(arrivals=[(lead + end + 16, 500, end)] * 9)
+    rows = _latency(link, far, period)
+    assert [row.stage for row in rows][3:5] == ["air", "link chip"]
+    assert all(row.min_us >= 0 for row in rows), rows
+    assert sum(row.median_us for row in rows) == pytest.approx(hold * 25, abs=1e-6)
+    flight = distance / 299_792_458 * 1e6
+    assert rows[3].median_us == pytest.approx(flight, rel=1e-3)
 
 
 @pytest.mark.slow
