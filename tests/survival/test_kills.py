@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.recorded.recording import left_behind, plain
-from tests.survival.commands import RUNS
+from tests.survival.commands import RUNS, often
 from tests.survival.forked import Command
 
 QUICK = {"latched": 2, "asynchronous": 1}
@@ -32,7 +32,7 @@ def state(folder: Path) -> dict[str, Any]:
 def run(words: tuple[str, ...], folder: Path, log: Path) -> Command:
     """Starts a run, or resumes the one in the folder, as its user would."""
     resume = ("--resume",) if (folder / "scenario.toml").exists() else ()
-    return Command(("run", *words, "--out", str(folder), *resume), log)
+    return Command(("run", *words, "--out", str(folder), *resume), log, often)
 
 
 @pytest.fixture(
