@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 import numpy.typing as npt
 
-from cosim.spikes.viform import WORD, Words, words_for
+from cosim.spikes.viform import Words, cut_words
 
 _WRITE: Final = "write"
 _CHARGE: Final = "charge"
@@ -82,22 +82,7 @@ def cuts(
     at = sorted({first, *(each.cycle for each in pending)})
     for begin, end in zip(at, [*at[1:], first + cycles], strict=True):
         before = tuple(each for each in pending if each.cycle == begin)
-        yield bits(words, begin - first, end - first), begin, end - begin, before
-
-
-def bits(words: Words, first: int, stop: int) -> Words:
-    """Cycles `first` to `stop` of words, from bit 0 on; bits beyond are 0."""
-    word, shift = divmod(first, WORD)
-    count = words_for(stop - first)
-    if not shift and stop == WORD * len(words):
-        return words[word:]
-    out = words[word : word + count] >> np.uint32(shift)
-    if shift:
-        later = words[word + 1 : word + 1 + count]
-        out[: len(later)] |= later << np.uint32(WORD - shift)
-    if (stop - first) % WORD:
-        out[-1] &= np.uint32((1 << (stop - first) % WORD) - 1)
-    return out
+        yield cut_words(words, begin - first, end - first), begin, end - begin, before
 
 
 def to_arrays(several: Iterable[Ancillary]) -> dict[str, npt.NDArray[Any]]:

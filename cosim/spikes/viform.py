@@ -32,6 +32,20 @@ def words_for(cycles: int) -> int:
     return -(-cycles // WORD)
 
 
+def cut_words(words: Words, first: int, stop: int) -> Words:
+    """Cycles `first` to `stop` of words, (n, ...), from bit 0 on; bits beyond are 0. A view of them
+    where these are whole words."""
+    (at, shift), count = divmod(first, WORD), words_for(stop - first)
+    out = words[at : at + count]
+    if shift:
+        out, above = out >> np.uint32(shift), words[at + 1 : at + 1 + count]
+        out[: len(above)] |= above << np.uint32(WORD - shift)
+    if (stop - first) % WORD:
+        out = out if shift else out.copy()
+        out[-1] &= _mask(0, stop - first, count - 1)
+    return out
+
+
 def pack_planes(planes: npt.NDArray[np.bool_] | npt.NDArray[np.uint8]) -> Words:
     """Packs (T, H, W) of 0 and 1 into (ceil(T/32), H, W) words; unused bits are 0."""
     cycles = planes.shape[0]
@@ -172,11 +186,9 @@ def part_of(
     left, right = _bounds("columns", columns, stream.shape[1])
     word, shift = divmod(first, WORD)
     read = stream.read_words(word, words_for(stop))[:, top:bottom, left:right]
-    words = np.ascontiguousarray(read[: words_for(stop - first)] >> np.uint32(shift))
-    if shift:
-        later = read[1 : len(words) + 1]
-        words[: len(later)] |= later << np.uint32(WORD - shift)
-    words[-1] &= _mask(0, stop - first, len(words) - 1)
+    words = np.ascontiguousarray(cut_words(read, shift, shift + stop - first))
+    if np.may_share_memory(words, read):
+        words = words.copy()
     start = getattr(stream, "start", 0) + first
     said = _said(getattr(stream, "ancillary", ()), start, start + stop - first)
     parts = tuple(each.part((top, bottom), (left, right)) for each in said)

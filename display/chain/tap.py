@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim import Block, Clock, Light, Piece, SpikeStream
-from cosim.spikes.ancillary import Ancillary, bits
-from cosim.spikes.viform import WORD, Words, words_for
+from cosim.spikes.ancillary import Ancillary
+from cosim.spikes.viform import WORD, Words, cut_words, words_for
 from display.core import LiveDisplay, Mapped
 from display.observe.observers import CameraPlane
 from display.panels.panel import FramePanel, Projector, SpikePanel
@@ -123,7 +123,7 @@ def spike_waves(
     cycles = min(stream.cycles, panel.clock.cycle_at(stop) + 1)
     for n in range(0, cycles, chunk):
         end = min(n + chunk, cycles)
-        words = bits(stream.read_words(n // WORD, words_for(end)), 0, end - n)
+        words = cut_words(stream.read_words(n // WORD, words_for(end)), 0, end - n)
         ahead = [each for each in told if n <= each.cycle < end]
         wave.push(words, end - n, last=True, ancillary=ahead)
     starts = np.array([panel.start(n) for n in range(cycles + 1)], np.float64)

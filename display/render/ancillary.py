@@ -22,8 +22,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite, bits, cuts
-from cosim.spikes.viform import Words
+from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite, cuts
+from cosim.spikes.viform import Words, cut_words
 from display.panels.panel import SpikePanel
 from display.render.golden import FOREVER
 
@@ -165,7 +165,7 @@ class Follower:
             yield part[:1] & np.uint32(1), begin, 1
             self._target.put_pixels(after(self._target.pixels()))
             if count > 1:
-                yield bits(part, 1, count), begin + 1, count - 1
+                yield cut_words(part, 1, count), begin + 1, count - 1
 
     def on_panel(self, values: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
         """Values of the pixels of the stream, (H, W), on those of the panel, in their shape."""

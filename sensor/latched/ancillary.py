@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite, bits
-from cosim.spikes.viform import WORD, Viform
+from cosim.spikes.ancillary import Ancillary, ChargePlane, RegisterWrite
+from cosim.spikes.viform import WORD, Viform, cut_words
 from cosim.stage import Block, State
 from sensor.latched.writes import Phase, Registers
 
@@ -151,7 +151,7 @@ class AncillaryStage:
     def _note(self, data: Viform, first: int, stop: int) -> None:
         """Takes down which pixels fire in cycles of a block."""
         if stop > first:
-            self._fired |= bits(data.words, first, stop).any(axis=0)
+            self._fired |= cut_words(data.words, first, stop).any(axis=0)
 
     def _without_dark(self, data: Viform) -> Viform:
         words = data.words.reshape(len(data.words), -1)

@@ -15,11 +15,10 @@ from cosim.spikes.ancillary import (
     Ancillary,
     ChargePlane,
     RegisterWrite,
-    bits,
     from_arrays,
     to_arrays,
 )
-from cosim.spikes.viform import pack_planes, unpack_planes
+from cosim.spikes.viform import cut_words, pack_planes, unpack_planes
 from cosim.stage import blocks
 from display import CameraPlane, DisplaySetting, SpikePanel
 from display.chain.display import PanelStage
@@ -244,7 +243,7 @@ def test_bits_are_those_of_planes() -> None:
     planes = np.random.default_rng(3).random((133, 2, 3)) < 0.4
     words = pack_planes(planes)
     for first, stop in ((0, 133), (0, 32), (31, 33), (5, 101), (64, 128), (100, 133), (132, 133)):
-        part = bits(words, first, stop)
+        part = cut_words(words, first, stop)
         np.testing.assert_array_equal(unpack_planes(part, 0, stop - first), planes[first:stop])
         assert len(part) == -(-(stop - first) // 32)
         np.testing.assert_array_equal(part, pack_planes(planes[first:stop]))

@@ -76,7 +76,7 @@ class StreamCode:
 
     def end(self, first: int, offset: int) -> int:
         """Cycle at which the packets of a tile end that begin at a cycle, in a stream that goes on.
-        offset: of the tile."""
+        offset: cycle at which the second packet of the tile begins."""
         return first + (self.cycles if first or not offset else offset)
 
     @property

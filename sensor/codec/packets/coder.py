@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cosim import SpikeStream, Viform
 from cosim.compute.stopping import threads
-from cosim.spikes.viform import WORD, Words, spikes_beyond, words_for
+from cosim.spikes.viform import WORD, Words, cut_words, spikes_beyond, words_for
 from cosim.stage import State
 from sensor.codec.coding import workers
 from sensor.codec.packets.catalogue import StreamCode
@@ -97,7 +97,7 @@ class StreamEncoder:
         def code(part: tuple[int, int, int]) -> list[Layer]:
             tile, first, end = part
             rows, columns = self._tiles.place(tile)
-            words = cut_words(self._words[:, rows, columns], first - self._first, end - first)
+            words = cut_words(self._words[:, rows, columns], first - self._first, end - self._first)
             return self._maker.encode(words, end - first)
 
         with threads(workers()) as pool:
@@ -127,19 +127,6 @@ def _ends(offset: int, group: int, done: int, now: int) -> range:
     return range(max(first, done + 1 + (offset - done - 1) % group), now + 1, group)
 
 
-def cut_words(words: Words, first: int, cycles: int) -> Words:
-    """(n, h, w) words of some cycles of others, the first of them in the lowest bit."""
-    (at, shift), count = divmod(first, WORD), words_for(cycles)
-    out = words[at : at + count]
-    if shift:
-        out, above = out >> np.uint32(shift), words[at + 1 : at + 1 + count]
-        out[: len(above)] |= above << np.uint32(WORD - shift)
-    if cycles % WORD:
-        out = out.copy()
-        out[-1] &= np.uint32((1 << cycles % WORD) - 1)
-    return out
-
-
 def group_bits(code: StreamCode, words: Words, cycles: int) -> npt.NDArray[np.float64]:
     """Bits of the packets of each tile, (tiles,), of its group that begins at its offset in words
     (n, H, W) of some cycles, or as late as the group is in them."""
@@ -148,7 +135,8 @@ def group_bits(code: StreamCode, words: Words, cycles: int) -> npt.NDArray[np.fl
 
     def size(tile: int, offset: int) -> int:
         rows, columns = tiles.place(tile)
-        part = cut_words(words[:, rows, columns], min(offset, cycles - length), length)
+        first = min(offset, cycles - length)
+        part = cut_words(words[:, rows, columns], first, first + length)
         return sum(HEADER + LENGTH + len(layer.data) for layer in maker.encode(part, length))
 
     with threads(workers()) as pool:
